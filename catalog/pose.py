@@ -1,0 +1,171 @@
+"""What metadata claims about one image: where the camera is and looks, how the target is turned, where the Sun is."""
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalog.errors import RefusedError
+from catalog.rotation import checked_rotation
+from catalog.times import et_from_utc, utc_from_et
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+
+POSE_KEYS = ("camera_from_j2000", "target_from_spacecraft_km", "sun_from_target_km", "body_from_j2000")
+
+
+def _checked_position(value: ArrayLike, name: str) -> Vector:
+    v = np.array(value, dtype=np.float64)
+    if v.shape != (3,) or not np.isfinite(v).all() or not np.any(v):
+        raise ValueError(f"{name} must be three finite kilometres, not all zero; got {v.tolist()}")
+    v.setflags(write=False)
+    return v
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Geometry of one exposure at its middle.
+
+    et: TDB seconds past J2000. camera_from_j2000, body_from_j2000: (3, 3) rotations (camera: +Z boresight, +X sample,
+    +Y line). target_from_spacecraft_km: (3,) J2000, light time and stellar aberration corrected (LT+S).
+    sun_from_target_km: (3,) J2000. Raises ValueError when a matrix is no rotation or a position is not finite.
+    """
+
+    et: float
+    camera_from_j2000: Matrix
+    target_from_spacecraft_km: Vector
+    sun_from_target_km: Vector
+    body_from_j2000: Matrix
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.et):
+            raise ValueError("et must be finite")
+        for name in ("camera_from_j2000", "body_from_j2000"):
+            object.__setattr__(self, name, checked_rotation(getattr(self, name), name))
+        for name in ("target_from_spacecraft_km", "sun_from_target_km"):
+            object.__setattr__(self, name, _checked_position(getattr(self, name), name))
+
+    @property
+    def range_km(self) -> float:
+        """Distance from the spacecraft to the target's centre."""
+        return float(np.linalg.norm(self.target_from_spacecraft_km))
+
+    @property
+    def target_in_camera_km(self) -> Vector:
+        """Target centre in the camera frame (3,)."""
+        return self.camera_from_j2000 @ self.target_from_spacecraft_km
+
+    @property
+    def camera_from_body(self) -> Matrix:
+        """Rotation from the target's body-fixed frame to the camera frame."""
+        return self.camera_from_j2000 @ self.body_from_j2000.T
+
+    @property
+    def spacecraft_in_body_km(self) -> Vector:
+        """Spacecraft relative to the target's centre, in the body-fixed frame (3,)."""
+        return -self.body_from_j2000 @ self.target_from_spacecraft_km
+
+    @property
+    def sun_direction_in_body(self) -> Vector:
+        """Unit vector from the target to the Sun, in the body-fixed frame (3,)."""
+        sun = self.body_from_j2000 @ self.sun_from_target_km
+        return sun / np.linalg.norm(sun)
+
+    @property
+    def phase_deg(self) -> float:
+        """Sun-target-spacecraft angle at the target's centre."""
+        to_spacecraft = self.spacecraft_in_body_km / self.range_km
+        return float(np.degrees(np.arccos(np.clip(to_spacecraft @ self.sun_direction_in_body, -1, 1))))
+
+    def replaced(self, **changes: Any) -> "Pose":
+        """Copy with some fields replaced."""
+        return dataclasses.replace(self, **changes)
+
+    def with_range_factor(self, factor: float) -> "Pose":
+        """Copy with the target `factor` times as far, along the same line of sight."""
+        return self.replaced(target_from_spacecraft_km=self.target_from_spacecraft_km * factor)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Pose file content: utc, et and the four geometry keys as plain lists."""
+        return {
+            "utc": utc_from_et(self.et),
+            "et": float(self.et),
+            **{key: getattr(self, key).tolist() for key in POSE_KEYS},
+        }
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> "Pose":
+        """Pose from a complete pose file's content. Raises ValueError naming what is missing or wrong."""
+        partial = PartialPose.from_dict(content)
+        missing = partial.missing()
+        if missing:
+            raise ValueError(f"the pose lacks {', '.join(missing)}")
+        return partial.completed()
+
+
+@dataclass(frozen=True)
+class PartialPose:
+    """The parts of a pose that one source knows; None marks an unknown part."""
+
+    et: float | None = None
+    camera_from_j2000: Matrix | None = None
+    target_from_spacecraft_km: Vector | None = None
+    sun_from_target_km: Vector | None = None
+    body_from_j2000: Matrix | None = None
+
+    @classmethod
+    def from_dict(cls, content: dict[str, Any]) -> "PartialPose":
+        """Parts from a pose file's content. Raises ValueError for unknown keys, bad values and bad rotations."""
+        if not isinstance(content, dict):
+            raise ValueError("a pose file holds one JSON object")
+        unknown = sorted(set(content) - {"utc", "et", *POSE_KEYS})
+        if unknown:
+            raise ValueError(f"unknown keys {unknown}; known are utc, et, {', '.join(POSE_KEYS)}")
+        et = content.get("et")
+        if et is None and content.get("utc") is not None:
+            et = et_from_utc(str(content["utc"]))
+        known: dict[str, Any] = {key: content[key] for key in POSE_KEYS if content.get(key) is not None}
+        try:
+            for key in known:
+                check = checked_rotation if key.endswith("_j2000") else _checked_position
+                known[key] = check(known[key], key)
+            return cls(et=None if et is None else float(et), **known)
+        except TypeError as error:
+            raise ValueError(f"a value is not a number: {error}") from error
+
+    def missing(self) -> list[str]:
+        """Names of the unknown parts."""
+        return [field.name for field in dataclasses.fields(self) if getattr(self, field.name) is None]
+
+    def filled_from(self, other: "PartialPose") -> "PartialPose":
+        """Copy whose unknown parts are taken from `other`."""
+        gaps = {name: getattr(other, name) for name in self.missing()}
+        return dataclasses.replace(self, **gaps)
+
+    def completed(self) -> Pose:
+        """The full Pose. Raises ValueError when a part is unknown."""
+        missing = self.missing()
+        if missing:
+            raise ValueError(f"unknown parts: {', '.join(missing)}")
+        return Pose(**{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+
+
+def read_pose_file(path: Path) -> PartialPose:
+    """Read a pose file (JSON). Raises RefusedError naming the file, the fault and the remedy."""
+    remedy = "See the README's section on pose files for the keys and their shapes."
+    try:
+        return PartialPose.from_dict(json.loads(Path(path).read_text()))
+    except (OSError, UnicodeDecodeError) as error:
+        raise RefusedError("pose-file-unreadable", f"pose file {path} cannot be read ({error}).", remedy) from error
+    except (json.JSONDecodeError, ValueError) as error:
+        raise RefusedError("pose-file-invalid", f"pose file {path}: {error}.", remedy) from error
+
+
+def write_pose_file(pose: Pose, path: Path) -> None:
+    """Write `pose` as a pose file (JSON) that `read_pose_file` reads back bit for bit."""
+    Path(path).write_text(json.dumps(pose.to_dict(), indent=1) + "\n")

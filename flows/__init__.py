@@ -1,0 +1,1 @@
+"""In what order: flows that chain the tasks, and the command line."""

@@ -1,0 +1,22 @@
+"""What a correction step returns."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from catalog.pose import Pose
+
+
+@dataclass(frozen=True)
+class Correction:
+    """A better Pose, what changed, how sure, and the evidence.
+
+    changed: for instance {"offset_px": [dx, dy]}. uncertainty: 1-sigma under the same keys. evidence: plain JSON values
+    (histories, counts, similarity before and after). converged: False is for the flow to judge.
+    """
+
+    step: str
+    pose: Pose
+    changed: dict[str, Any]
+    uncertainty: dict[str, Any] = field(default_factory=dict)
+    evidence: dict[str, Any] = field(default_factory=dict)
+    converged: bool = True
