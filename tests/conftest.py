@@ -1,0 +1,16 @@
+"""Fixtures shared by all tests."""
+
+from pathlib import Path
+
+import pytest
+
+from catalog.settings import data_folder as find_data_folder
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The folder of real mission files; real-file tests are skipped only where it does not exist."""
+    folder = find_data_folder()
+    if folder is None:
+        pytest.skip("no real mission files: set PLANETPOSE_DATA to the folder that holds images/ and kernels/")
+    return folder
