@@ -62,6 +62,8 @@ class Camera(BaseModel):
     naif_spacecraft_id: int | None = None
     naif_instrument_id: int | None = None
     naif_ck_frame: str | None = None
+    naif_ck_id: int | None = None
+    ck_tolerance_s: float = Field(0.0, ge=0)  # a discrete C-kernel's nearest entry may be this far away
     instrument_frame: str | None = None
     camera_from_instrument: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     label_dialect: str | None = None
