@@ -25,19 +25,16 @@ class BaseMap:
 
     def sample(self, lat_deg: NDArray, lon_deg: NDArray) -> NDArray[np.float32]:
         """Bilinear albedo at planetocentric latitude and east longitude (any shape), degrees; wraps in longitude."""
-        import cv2
-
         rows, columns = self.albedo.shape
-        padded = self._padded()
-        column = np.mod(lon_deg - self.left_edge_deg, 360.0) / 360.0 * columns - 0.5 + 1.0
-        row = (90.0 - lat_deg) / 180.0 * rows - 0.5
-        shape = np.shape(lat_deg)
-        column, row = (np.atleast_2d(np.asarray(a, dtype=np.float32)) for a in (column, np.clip(row, 0, rows - 1)))
-        sampled = cv2.remap(padded, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        return sampled.reshape(shape)
-
-    def _padded(self) -> NDArray[np.float32]:
-        return np.pad(self.albedo, ((0, 0), (1, 1)), mode="wrap")
+        x = np.mod(np.asarray(lon_deg, np.float64) - self.left_edge_deg, 360.0) * (columns / 360.0) - 0.5
+        y = np.clip((90.0 - np.asarray(lat_deg, np.float64)) * (rows / 180.0) - 0.5, 0, rows - 1)
+        left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
+        fx, fy = (x - left).astype(np.float32), (y - top).astype(np.float32)
+        right, below = (left + 1) % columns, np.minimum(top + 1, rows - 1)
+        left = left % columns
+        upper = self.albedo[top, left] * (1 - fx) + self.albedo[top, right] * fx
+        lower = self.albedo[below, left] * (1 - fx) + self.albedo[below, right] * fx
+        return upper * (1 - fy) + lower * fy
 
 
 def uniform_map() -> BaseMap:

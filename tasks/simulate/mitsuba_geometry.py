@@ -1,0 +1,78 @@
+"""Mitsuba renders where each ray meets the target; shading follows in numpy, so that one render serves many laws."""
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.target import Target
+from tasks.simulate.window import Window
+
+VARIANT = "scalar_rgb"  # autodetecting a variant may abort the process where LLVM is missing
+
+
+@cache
+def _mitsuba() -> Any:
+    import mitsuba
+
+    mitsuba.set_variant(VARIANT)
+    mitsuba.set_log_level(mitsuba.LogLevel.Error)
+    return mitsuba
+
+
+def render_positions(pose: Pose, camera: Camera, target: Target, window: Window, oversample: int) -> NDArray[np.float32]:
+    """Body-fixed surface points (ny*s, nx*s, 3), in units of the mean radius, seen through the centres of an s x s
+    grid of sub-pixels of `window`; zero where the ray misses.
+
+    Mitsuba works in single precision: the target sits at the origin in units of its radius. The film is the window
+    itself, its optical axis placed by the principal point, so that only the crop is rendered.
+    """
+    mi = _mitsuba()
+    ny, nx = window.shape
+    unit = target.mean_radius_km
+    distance = pose.range_km / unit
+    # Mitsuba looks along +Z with +X to the left of the film and +Y up: turn our +X right, +Y down about the boresight.
+    body_from_camera = pose.camera_from_body.T @ np.diag([-1.0, -1.0, 1.0])
+    to_world = np.eye(4)
+    to_world[:3, :3] = body_from_camera
+    to_world[:3, 3] = pose.spacecraft_in_body_km / unit
+    axis_x = camera.centre_px[0] - (window.x0 + window.x1 - 1) / 2
+    axis_y = camera.centre_px[1] - (window.y0 + window.y1 - 1) / 2
+    reach = 1.05 * max(target.radii_km) / unit
+    transform = mi.ScalarTransform4f
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "aov", "aovs": "p:position"},
+            "sensor": {
+                "type": "perspective",
+                "fov_axis": "x",
+                "fov": float(np.degrees(2 * np.arctan(nx / 2 / camera.focal_length_px))),
+                "to_world": transform(to_world.tolist()),
+                "near_clip": max(distance - reach, 1e-3) * 0.5,
+                "far_clip": (distance + reach) * 2,
+                "principal_point_offset_x": float(-axis_x / nx),
+                "principal_point_offset_y": float(-axis_y / ny),
+                "film": {
+                    "type": "hdrfilm",
+                    "width": nx * oversample,
+                    "height": ny * oversample,
+                    "rfilter": {"type": "box"},
+                    "pixel_format": "rgb",
+                    "component_format": "float32",
+                },
+                "sampler": {"type": "stratified", "sample_count": 1, "jitter": False},
+            },
+            "unit_sphere": {"type": "shapegroup", "sphere": {"type": "sphere"}},
+            # A sphere scaled by different factors is rendered wrongly; an instance of one is right.
+            "ellipsoid": {
+                "type": "instance",
+                "shapes": {"type": "ref", "id": "unit_sphere"},
+                "to_world": transform().scale([r / unit for r in target.radii_km]),
+            },
+        }
+    )
+    return np.asarray(mi.render(scene), dtype=np.float32)[..., -3:]

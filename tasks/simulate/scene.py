@@ -1,0 +1,143 @@
+"""A scene renders simulations of one target through one camera; only the pose changes."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.basemap import BaseMap
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.target import Target
+from tasks.simulate.mitsuba_geometry import render_positions
+from tasks.simulate.photometry import BASES
+from tasks.simulate.window import Window, disk_radius_px, target_window
+
+
+class SceneSettings(BaseModel):
+    """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    photometry: Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"] = "lunar-lambert"
+    psf_sigma_px: float | None = Field(None, ge=0, le=20)
+    oversample: int | None = Field(None, ge=1, le=16)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Sub-pixel samples of the rendered geometry, all (ny*s, nx*s): hit, cosines of incidence (0 at night) and
+    emission, and the map's albedo."""
+
+    hit: NDArray[np.bool_]
+    mu0: NDArray[np.float32]
+    mu: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
+    background. coverage: fraction of each pixel that the target fills, blurred like the image. fine: the unblurred
+    sub-pixel bases, for steps that move or blur them again."""
+
+    window: Window
+    oversample: int
+    psf_sigma_px: float
+    bases: NDArray[np.float32]
+    coverage: NDArray[np.float32]
+    lit: NDArray[np.float32]
+
+    def image(self, weights: NDArray | None = None, background: float = 0.0) -> NDArray[np.float32]:
+        """Weighted sum of the bases (ny, nx); equal weights by default."""
+        weights = np.ones(len(self.bases)) if weights is None else weights
+        return np.tensordot(np.asarray(weights, np.float32), self.bases, 1) + np.float32(background)
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Camera, target, base map and settings: everything of a simulation but the pose."""
+
+    camera: Camera
+    target: Target
+    basemap: BaseMap
+    settings: SceneSettings = SceneSettings()
+
+    @property
+    def psf_sigma_px(self) -> float:
+        """Gaussian PSF width in use."""
+        own = self.settings.psf_sigma_px
+        return self.camera.psf_sigma_px if own is None else own
+
+    def oversample_for(self, pose: Pose) -> int:
+        """Sub-pixels per pixel side: more for small disks, whose limb has few pixels."""
+        if self.settings.oversample:
+            return self.settings.oversample
+        diameter = 2 * disk_radius_px(pose, self.camera, self.target)
+        return int(np.clip(np.ceil(700 / max(diameter, 1.0)), 2, 8))
+
+    def window(self, pose: Pose, margin_px: float | None = None) -> Window:
+        """The target's window (see `target_window`)."""
+        return target_window(pose, self.camera, self.target, margin_px)
+
+    def surface(self, pose: Pose, window: Window, oversample: int) -> Surface:
+        """Render the geometry by Mitsuba and look up cosines and albedo at every sub-pixel."""
+        points = render_positions(pose, self.camera, self.target, window, oversample)
+        hit = np.any(points != 0, axis=-1)
+        body = points[hit] * np.float32(self.target.mean_radius_km)
+        inverse_squares = (1.0 / np.square(self.target.radii_km)).astype(np.float32)
+        normal = body * inverse_squares
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        to_camera = pose.spacecraft_in_body_km.astype(np.float32) - body
+        to_camera /= np.linalg.norm(to_camera, axis=-1, keepdims=True)
+        longitude = np.degrees(np.arctan2(body[:, 1], body[:, 0]))
+        latitude = np.degrees(np.arctan2(body[:, 2], np.hypot(body[:, 0], body[:, 1])))
+
+        def spread(values: NDArray) -> NDArray[np.float32]:
+            image = np.zeros(hit.shape, np.float32)
+            image[hit] = values
+            return image
+
+        return Surface(
+            hit=hit,
+            mu0=spread(np.maximum(normal @ pose.sun_direction_in_body.astype(np.float32), 0)),
+            mu=spread(np.maximum(np.einsum("ij,ij->i", normal, to_camera), 0)),
+            albedo=spread(self.basemap.sample(latitude, longitude)),
+        )
+
+    def shade(self, surface: Surface, phase_deg: float) -> NDArray[np.float32]:
+        """Basis images (k, ny*s, nx*s) of the chosen photometry at the sub-pixels."""
+        laws = BASES[self.settings.photometry]
+        return np.stack([surface.albedo * law(surface.mu0, surface.mu, phase_deg) for law in laws])
+
+    def render(self, pose: Pose, window: Window | None = None) -> Simulation:
+        """Simulate `pose` under `window` (default: the target's window, which may leave the frame).
+
+        Raises ValueError when the target is behind the camera or the window is empty.
+        """
+        window = window or self.window(pose)
+        if min(window.shape) < 1:
+            raise ValueError(f"empty window {window}")
+        s = self.oversample_for(pose)
+        surface = self.surface(pose, window, s)
+        fine = self.shade(surface, pose.phase_deg)
+        sigma = self.psf_sigma_px
+        return Simulation(
+            window=window,
+            oversample=s,
+            psf_sigma_px=sigma,
+            bases=np.stack([detect(basis, s, sigma) for basis in fine]),
+            coverage=detect(surface.hit.astype(np.float32), s, sigma),
+            lit=detect((surface.mu0 > 0).astype(np.float32), s, sigma),
+        )
+
+
+def detect(fine: NDArray[np.float32], oversample: int, psf_sigma_px: float) -> NDArray[np.float32]:
+    """Blur a sub-pixel image (ny*s, nx*s) by a Gaussian PSF and integrate it over square pixels to (ny, nx)."""
+    import cv2
+
+    if psf_sigma_px > 0:
+        fine = cv2.GaussianBlur(fine, (0, 0), psf_sigma_px * oversample, borderType=cv2.BORDER_REPLICATE)
+    ny, nx = fine.shape[0] // oversample, fine.shape[1] // oversample
+    return fine.reshape(ny, oversample, nx, oversample).mean(axis=(1, 3), dtype=np.float32)
