@@ -1,0 +1,95 @@
+"""Lines of sight and the target's ellipsoid in coordinates where the ellipsoid is the unit sphere.
+
+Body-fixed kilometres divided by the three radii turn the paper's equation 12, (X - V)^T A (X - V) = 1 with
+A = R diag(1/r^2) R^T (the paper prints 1/r), into p . p = 1. Normals, silhouettes and shadows become dot products:
+a surface point p faces a point s outside (spacecraft or Sun) exactly when p . s > 1.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalog.camera import Camera
+from catalog.errors import RefusedError
+from catalog.pose import Pose
+from catalog.target import Target
+
+Array = NDArray[np.float64]
+NEARLY_SIDEWAYS = 0.1  # cosine between boresight and target below which the frame's own plane is no use as an anchor
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Lines of sight of a frame's pixels, in units of the radii, body-fixed: p(w) = anchor + w * backward.
+
+    anchor, backward: (3, 3), to be multiplied by (1, x - reference_px[0], y - reference_px[1]). `backward` points to
+    the spacecraft. For a target ahead of the camera the anchor lies in the plane through the target's centre, so no
+    large numbers cancel, however far the spacecraft is: the error of p stays near 1e-15 at a range of 1e4 radii.
+    spacecraft: (3,), in units of the radii.
+    """
+
+    anchor: Array
+    backward: Array
+    reference_px: Array
+    spacecraft: Array
+
+    def at(self, xy_px: ArrayLike) -> tuple[Array, Array]:
+        """Anchor and backward vectors, each (..., 3), of pixels (..., 2)."""
+        offset = np.asarray(xy_px, dtype=np.float64) - self.reference_px
+        basis = np.concatenate([np.ones_like(offset[..., :1]), offset], axis=-1)
+        return basis @ self.anchor.T, basis @ self.backward.T
+
+
+def spacecraft_in_radii(pose: Pose, target: Target) -> Array:
+    """Spacecraft (3,), body-fixed, in units of the radii. Raises RefusedError when it lies inside the target."""
+    spacecraft = pose.spacecraft_in_body_km / np.asarray(target.radii_km)
+    if spacecraft @ spacecraft <= 1.0:
+        raise RefusedError(
+            "spacecraft-inside-target",
+            f"the pose puts the spacecraft {pose.range_km:.6g} km from the centre of {target.name}, inside the body.",
+            "Check target_from_spacecraft_km (kilometres) and the target's radii.",
+        )
+    return spacecraft
+
+
+def sun_in_radii(pose: Pose, target: Target) -> Array:
+    """Sun (3,), body-fixed, in units of the radii. Raises RefusedError when it lies inside the target."""
+    sun = pose.body_from_j2000 @ pose.sun_from_target_km / np.asarray(target.radii_km)
+    if sun @ sun <= 1.0:
+        raise RefusedError(
+            "sun-inside-target",
+            f"the pose puts the Sun {np.linalg.norm(pose.sun_from_target_km):.6g} km from the centre of {target.name}.",
+            "Check sun_from_target_km: kilometres, not a unit vector.",
+        )
+    return sun
+
+
+def rays_of(pose: Pose, camera: Camera, target: Target) -> Rays:
+    """Lines of sight of `camera` at `pose`. Raises RefusedError when the spacecraft is inside the target."""
+    spacecraft = spacecraft_in_radii(pose, target)
+    scaled_from_camera = pose.camera_from_body.T / np.asarray(target.radii_km)[:, None]
+    to_target = pose.target_in_camera_km
+    across = scaled_from_camera[:, :2] / camera.focal_length_px
+    if to_target[2] > NEARLY_SIDEWAYS * pose.range_km:
+        anchor = np.column_stack([np.zeros(3), across * to_target[2]])
+        backward = np.column_stack([spacecraft, -across * to_target[2]])
+        return Rays(anchor, backward, camera.project(to_target), spacecraft)
+    anchor = np.column_stack([spacecraft, np.zeros((3, 2))])
+    backward = -np.column_stack([scaled_from_camera[:, 2], across])
+    return Rays(anchor, backward, np.asarray(camera.centre_px), spacecraft)
+
+
+def intersect(rays: Rays, xy_px: ArrayLike) -> Array:
+    """Nearest intersections (..., 3) with the unit sphere of pixels (..., 2); NaN where the line misses it.
+
+    Paper, equations 13-16, solved from the point of closest approach, which keeps the root accurate at the limb.
+    """
+    anchor, backward = rays.at(xy_px)
+    length2 = np.sum(backward * backward, axis=-1, keepdims=True)
+    closest = anchor - backward * (np.sum(anchor * backward, axis=-1, keepdims=True) / length2)
+    with np.errstate(invalid="ignore"):
+        half_chord = np.sqrt(1.0 - np.sum(closest * closest, axis=-1, keepdims=True))
+    point = closest + backward * (half_chord / np.sqrt(length2))
+    ahead = np.sum((rays.spacecraft - point) * backward, axis=-1, keepdims=True) > 0
+    return np.where(ahead, point, np.nan)
