@@ -151,5 +151,3 @@ def find_camera(name_or_file: str) -> Camera:
         f"camera {name_or_file!r} is not in the catalog.",
         f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml.",
     )
-
-

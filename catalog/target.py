@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -100,3 +101,16 @@ def target_names() -> dict[str, str]:
         names[key] = key
         names.update({alias.lower(): key for alias in target.aliases})
     return names
+
+
+def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
+    """Target by catalog name or alias, else any body that a PCK among `kernels` gives radii for.
+
+    Raises RefusedError listing what is known.
+    """
+    spelling = name.strip().lower()
+    if spelling in target_names():
+        return known_targets()[target_names()[spelling]]
+    from catalog.pck import target_from_pck
+
+    return target_from_pck(name.strip(), kernels)

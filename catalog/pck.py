@@ -1,0 +1,94 @@
+"""Any body of a loaded PCK as a Target: radii and rotation constants out of SPICE's kernel pool."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from catalog.errors import RefusedError
+from catalog.spice import kernel_pool, list_kernels
+from catalog.target import RotationModel, Target
+
+TEXT_KINDS = ("lsk", "pck", "fk", "meta", "other")
+
+
+def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
+    """Target of a NAIF name or id from the PCKs among `kernels`: radii BODYnnn_RADII, frame IAU_NAME, rotation.
+
+    Raises RefusedError when SPICE does not know the name or no PCK gives its radii; it lists the bodies that have them.
+    """
+    import spiceypy
+
+    text_kernels = [kernel.path for kernel in list_kernels(kernels) if kernel.kind in TEXT_KINDS]
+    with kernel_pool(text_kernels):
+        try:
+            naif_id = spiceypy.bods2c(name_or_id)
+        except spiceypy.NotFoundError:
+            naif_id = None
+        if naif_id is None or not spiceypy.bodfnd(naif_id, "RADII"):
+            raise RefusedError(
+                "target-unknown",
+                f"target {name_or_id!r} is neither in the catalog nor in a loaded PCK.",
+                _remedy(_bodies_with_radii()),
+            )
+        return _target(naif_id)
+
+
+def _target(naif_id: int) -> Target:
+    import spiceypy
+
+    name = spiceypy.bodc2n(naif_id)
+    a, b, c = spiceypy.bodvcd(naif_id, "RADII", 3)[1]
+    frame = f"IAU_{name.upper().replace(' ', '_')}"
+    return Target(
+        name=name.lower(),
+        naif_id=naif_id,
+        radii_km=(a, b, c),
+        body_frame=frame if spiceypy.namfrm(frame) else "",
+        rotation=_rotation(naif_id),
+        sources=("loaded PCK",),
+    )
+
+
+def _rotation(naif_id: int) -> RotationModel | None:
+    pole_ra, pole_dec, meridian = (_constants(naif_id, key) for key in ("POLE_RA", "POLE_DEC", "PM"))
+    if not (pole_ra and pole_dec and meridian):
+        return None
+    flat = _constants(naif_id // 100, "NUT_PREC_ANGLES") if 100 <= naif_id < 1000 else ()
+    nutation = {part: _constants(naif_id, f"NUT_PREC_{part}") for part in ("RA", "DEC", "PM")}
+    used = max(map(len, nutation.values()))
+    return RotationModel(
+        pole_ra_deg=pole_ra,
+        pole_dec_deg=pole_dec,
+        prime_meridian_deg=meridian,
+        angles_deg=tuple(zip(flat[::2], flat[1::2], strict=True))[:used],
+        nutation_ra_deg=nutation["RA"],
+        nutation_dec_deg=nutation["DEC"],
+        nutation_meridian_deg=nutation["PM"],
+    )
+
+
+def _constants(naif_id: int, key: str) -> tuple[float, ...]:
+    import spiceypy
+
+    name = f"BODY{naif_id}_{key}"
+    try:
+        return tuple(map(float, spiceypy.gdpool(name, 0, 100)))
+    except spiceypy.NotFoundError:
+        return ()
+
+
+def _bodies_with_radii() -> list[str]:
+    import spiceypy
+
+    try:
+        variables = spiceypy.gnpool("BODY*_RADII", 0, 1000)
+    except spiceypy.NotFoundError:
+        return []
+    ids = sorted(int(variable[4:].split("_")[0]) for variable in variables)
+    return [spiceypy.bodc2s(naif_id).lower() for naif_id in ids]
+
+
+def _remedy(in_pck: list[str]) -> str:
+    from catalog.target import known_targets
+
+    loaded = f"; the loaded PCK has {', '.join(in_pck)}" if in_pck else "; no PCK is loaded (--kernels)"
+    return f"The catalog has {', '.join(known_targets())}{loaded}."

@@ -1,0 +1,112 @@
+"""SPICE kernels: a pool that is furnished for one piece of work and emptied again, whatever happens inside.
+
+SPICE's kernel pool and its error state are global to the process and not thread-safe: everything here holds one lock.
+"""
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from catalog.digest import sha256_of_file
+from catalog.errors import RefusedError
+
+KIND_OF_SUFFIX = {
+    ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
+}  # fmt: skip
+KIND_ORDER = ("lsk", "pck", "fk", "ik", "sclk", "spk", "ck", "other", "meta")
+
+_POOL_LOCK = threading.RLock()
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One kernel file: its kind (lsk, pck, fk, ik, sclk, spk, ck, meta, other) and where it is."""
+
+    path: Path
+    kind: str
+
+    @property
+    def sha256(self) -> str:
+        """Hex digest of the file's content."""
+        return sha256_of_file(self.path)
+
+    def provenance(self) -> dict[str, str]:
+        """Name and content hash, for the product."""
+        return {"name": self.path.name, "sha256": self.sha256}
+
+
+def kernel_kind(path: Path) -> str:
+    """Kind of a kernel by its suffix; `other` when the suffix says nothing (SPICE looks inside)."""
+    return "meta" if path.suffix.lower() == ".tm" else KIND_OF_SUFFIX.get(path.suffix.lower(), "other")
+
+
+def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
+    """Kernels to furnish, in order: by type (lsk, pck, fk, ik, sclk, spk, ck), within a type as given, folders searched
+    recursively by sorted name for known suffixes, meta-kernels last. SPICE prefers what comes later.
+
+    Raises RefusedError naming a path that does not exist.
+    """
+    kernels: list[Kernel] = []
+    for path in map(Path, paths):
+        if path.is_dir():
+            found = sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
+            kernels += [Kernel(p, kernel_kind(p)) for p in found]
+        elif path.is_file():
+            kernels.append(Kernel(path, kernel_kind(path)))
+        else:
+            raise RefusedError("kernel-missing", f"kernel {path} does not exist.", "Give a kernel file or a folder.")
+    return sorted(kernels, key=lambda kernel: KIND_ORDER.index(kernel.kind))
+
+
+@contextmanager
+def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
+    """Furnish kernels (files, folders, meta-kernels) for the `with` block, under the process-wide lock.
+
+    Yields what is loaded, a meta-kernel's members included. At exit only what was furnished here is unloaded, also after
+    an error. Raises RefusedError naming a kernel that SPICE cannot load.
+    """
+    import spiceypy
+
+    wanted = list_kernels(paths)
+    with _POOL_LOCK:
+        loaded: list[Kernel] = []
+        try:
+            for kernel in wanted:
+                loaded.append(kernel)  # first: a meta-kernel that fails half-way must be unloaded too
+                _furnish(kernel)
+            yield loaded + _members_of_meta_kernels(loaded)
+        finally:
+            for kernel in reversed(loaded):
+                spiceypy.unload(str(kernel.path))
+
+
+def _furnish(kernel: Kernel) -> None:
+    import spiceypy
+
+    try:
+        spiceypy.furnsh(str(kernel.path))
+    except spiceypy.utils.exceptions.SpiceyError as error:
+        raise RefusedError(
+            "kernel-unreadable",
+            f"SPICE cannot load kernel {kernel.path}: {spice_message(error)}.",
+            "Give kernels of the SPICE formats; the paths inside a meta-kernel must exist.",
+        ) from error
+
+
+def _members_of_meta_kernels(loaded: list[Kernel]) -> list[Kernel]:
+    import spiceypy
+
+    sources = {str(kernel.path) for kernel in loaded if kernel.kind == "meta"}
+    if not sources:
+        return []
+    entries = [spiceypy.kdata(i, "ALL") for i in range(spiceypy.ktotal("ALL"))]
+    return [Kernel(Path(name), kernel_kind(Path(name))) for name, _, source, _ in entries if source in sources]
+
+
+def spice_message(error: Any) -> str:
+    """The one useful line of a SPICE error."""
+    text = str(getattr(error, "long", "") or getattr(error, "short", "") or error)
+    return " ".join(text.split())[:300].rstrip(".")

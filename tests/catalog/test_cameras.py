@@ -1,0 +1,60 @@
+"""The catalog's cameras: complete, consistent with their sources, and easy to add to."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from catalog.camera import find_camera, known_cameras
+from catalog.errors import RefusedError
+
+PAPER_CAMERAS = ("voyager1-nac", "voyager1-wac", "voyager2-nac", "voyager2-wac", "galileo-ssi", "newhorizons-lorri")
+
+
+def test_the_papers_six_cameras_and_cassini_are_in_the_catalog() -> None:
+    assert set(known_cameras()) == {*PAPER_CAMERAS, "cassini-nac"}
+
+
+@pytest.mark.parametrize("name", sorted(known_cameras()))
+def test_camera_axes_are_a_right_handed_rotation_of_the_instrument_frame(name: str) -> None:
+    matrix = np.array(find_camera(name).camera_from_instrument)
+    np.testing.assert_allclose(matrix @ matrix.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", sorted(known_cameras()))
+def test_camera_names_its_kernels_and_sources(name: str) -> None:
+    camera = find_camera(name)
+    assert len(camera.kernels) >= 5
+    assert camera.sources
+    assert camera.naif_spacecraft_id is not None
+    assert camera.naif_ck_id is not None
+
+
+@pytest.mark.parametrize(
+    ("name", "pixel_microrad"),
+    [("newhorizons-lorri", 4.963571), ("cassini-nac", 5.9907), ("galileo-ssi", 10.16), ("voyager1-nac", 7.859)],
+)
+def test_pixel_angle_agrees_with_the_instrument_teams_figure(name: str, pixel_microrad: float) -> None:
+    assert 1e6 / find_camera(name).focal_length_px == pytest.approx(pixel_microrad, rel=4e-4)
+
+
+def test_lorri_focal_length_is_that_of_its_kernels_own_scale() -> None:
+    camera = find_camera("newhorizons-lorri")
+    assert camera.focal_length_px == pytest.approx(2618.4775964615382691 * 76.9408555820574094, rel=1e-12)
+
+
+@given(
+    name=st.sampled_from(sorted(known_cameras())),
+    x=st.floats(-500, 1500),
+    y=st.floats(-500, 1500),
+    scale=st.floats(0.1, 1e6),
+)
+def test_projecting_a_pixels_ray_returns_the_pixel(name: str, x: float, y: float, scale: float) -> None:
+    camera = find_camera(name)
+    np.testing.assert_allclose(camera.project(scale * camera.ray([x, y])), [x, y], atol=1e-7)
+
+
+def test_a_camera_that_is_not_in_the_catalog_is_refused_with_the_known_names() -> None:
+    with pytest.raises(RefusedError, match=r"'kodak'.*galileo-ssi.*--camera FILE\.toml"):
+        find_camera("kodak")
