@@ -75,7 +75,7 @@ class Scene:
         if self.settings.oversample:
             return self.settings.oversample
         diameter = 2 * disk_radius_px(pose, self.camera, self.target)
-        return int(np.clip(np.ceil(700 / max(diameter, 1.0)), 2, 8))
+        return int(np.clip(np.ceil(600 / max(diameter, 1.0)), 2, 8))
 
     def window(self, pose: Pose, margin_px: float | None = None) -> Window:
         """The target's window (see `target_window`)."""

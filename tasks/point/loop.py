@@ -1,0 +1,124 @@
+"""Point: register image and simulation, turn the camera, render again, until nothing moves (paper, figure 5)."""
+
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.errors import FailedError, RefusedError
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.correction import Correction
+from tasks.point.coarse import find_target
+from tasks.point.registration import REGISTRATIONS, Shift
+from tasks.point.registration.base import match_under_window
+from tasks.point.rotation import pose_moved_by
+from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
+
+Progress = Callable[[str, int, str], None]
+
+
+class PointSettings(BaseModel):
+    """coarse: search the whole frame first. min_score, min_correlation: below these the target counts as not found."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    registration: Literal["intensity"] = "intensity"
+    coarse: bool = True
+    stop_px: float = Field(0.02, gt=0)
+    max_iterations: int = Field(12, ge=1, le=100)
+    min_overlap: float = Field(0.25, gt=0, le=1)
+    min_score: float = Field(0.4, ge=-1, le=1)
+    min_correlation: float = Field(0.6, ge=-1, le=1)
+
+
+def refuse_without_limb(pose: Pose, scene: Scene) -> None:
+    """Raise RefusedError when the target is too large for its limb to be in the frame, or too small to register."""
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    diagonal = float(np.hypot(*scene.camera.size_px))
+    if radius > 2 * diagonal:
+        raise RefusedError(
+            "no-limb",
+            f"the disk of {scene.target.name} is {2 * radius:.0f} px wide and the frame {scene.camera.size_px[0]} px: "
+            "no limb to register.",
+            "Only frames that show a limb can be corrected; choose one taken from farther away, or check the range.",
+        )
+    if radius < 4:
+        raise RefusedError(
+            "disk-too-small",
+            f"the disk of {scene.target.name} is only {2 * radius:.1f} px wide.",
+            "It must be resolved (at least 8 px); check the range and the camera.",
+        )
+
+
+def find_pointing(
+    observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None = None
+) -> Correction:
+    """Correct the camera's pointing; the target's range and attitude stay.
+
+    Raises RefusedError when no limb can be in the frame or the target is not found, FailedError when the loop does not
+    settle within `max_iterations` (the message carries the history).
+    """
+    refuse_without_limb(pose, scene)
+    evidence: dict[str, Any] = {}
+    start = pose
+    if settings.coarse:
+        found = find_target(observation, pose, scene, settings.min_overlap)
+        evidence["coarse"] = {"score": found.score, "step_px": found.step_px}
+        if not found.score >= settings.min_score:
+            raise RefusedError(
+                "target-not-found",
+                f"nothing in the frame looks like {scene.target.name} (best correlation {found.score:.2f}, "
+                f"needed {settings.min_score}).",
+                "Check target, range, Sun direction and base map; an empty, saturated or cut-off frame gives this too.",
+            )
+        start = found.pose
+        if progress:
+            progress("point", 0, f"coarse search: correlation {found.score:.3f}")
+    settled, shift, history = settle(observation, start, scene, settings, progress)
+    if not shift.quality >= settings.min_correlation:
+        raise RefusedError(
+            "target-not-found",
+            f"image and simulation of {scene.target.name} correlate by only {shift.quality:.2f} "
+            f"(needed {settings.min_correlation}).",
+            "Check target, range, Sun direction and base map.",
+        )
+    offset = scene.camera.project(settled.target_in_camera_km) - predicted_centre(pose, scene)
+    sigma = None if shift.covariance is None else np.sqrt(np.diag(shift.covariance)).tolist()
+    return Correction(
+        step="point",
+        pose=settled,
+        changed={"offset_px": offset.tolist()},
+        uncertainty={"offset_px": sigma},
+        evidence=evidence | {"history_px": history, "correlation": shift.quality},
+    )
+
+
+def predicted_centre(pose: Pose, scene: Scene) -> np.ndarray:
+    """Pixel (2,) of the target's centre; NaN when it is behind the camera."""
+    return scene.camera.project(pose.target_in_camera_km)
+
+
+def settle(
+    observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None
+) -> tuple[Pose, Shift, list[list[float]]]:
+    """The loop of figure 5: settled pose, the last shift, and all shifts."""
+    register = REGISTRATIONS[settings.registration]
+    history: list[list[float]] = []
+    for iteration in range(1, settings.max_iterations + 1):
+        shift = register(match_under_window(observation, scene.render(pose)))
+        history.append(shift.offset_px.tolist())
+        pose = pose_moved_by(pose, scene.camera, shift.offset_px)
+        length = float(np.hypot(*shift.offset_px))
+        if progress:
+            progress("point", iteration, f"moved {length:.3f} px")
+        if length < settings.stop_px:
+            return pose, shift, history
+    raise FailedError(
+        "did-not-converge",
+        f"pointing did not converge in {settings.max_iterations} iterations; moves were "
+        + ", ".join(f"{np.hypot(*move):.3f}" for move in history)
+        + " px.",
+        "Check range and Sun direction, or try another registration.",
+    )

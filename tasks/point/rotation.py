@@ -1,0 +1,62 @@
+"""From an offset in the image to a rotation of the camera (paper, section 3.1.2)."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+
+MAX_NEWTON_STEPS = 20
+TOLERANCE_PX = 1e-9
+
+
+def euler_rotation(alpha_rad: float, beta_rad: float) -> NDArray[np.float64]:
+    """M_o (3, 3): rotation by alpha about x, then by beta about y; none about the boresight."""
+    ca, sa, cb, sb = np.cos(alpha_rad), np.sin(alpha_rad), np.cos(beta_rad), np.sin(beta_rad)
+    about_x = np.array([[1, 0, 0], [0, ca, -sa], [0, sa, ca]])
+    about_y = np.array([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]])
+    return about_y @ about_x
+
+
+def angles_from_offset(camera: Camera, offset_px: ArrayLike) -> tuple[float, float]:
+    """alpha = arctan(-b_y / b_z) and beta = arctan(b_x / b_z), radians, of b = K^-1 [c + offset] (paper, eq. 9 and
+    the text below it)."""
+    b = camera.ray(np.asarray(camera.centre_px) + np.asarray(offset_px))
+    return float(np.arctan2(-b[1], b[2])), float(np.arctan2(b[0], b[2]))
+
+
+def pose_moved_by(pose: Pose, camera: Camera, offset_px: ArrayLike) -> Pose:
+    """Pose whose camera is turned (no roll) so that the target's centre falls `offset_px` (2,) away from before.
+
+    The paper's angles are exact for a target on the boresight; Newton steps make them exact for any place in the frame.
+    Raises ValueError when the target is behind the camera.
+    """
+    before = camera.project(pose.target_in_camera_km)
+    wanted = before + np.asarray(offset_px, dtype=np.float64)
+    if not np.isfinite(wanted).all():
+        raise ValueError("the target is behind the camera, or the offset is not finite")
+    angles = np.array(angles_from_offset(camera, offset_px))
+    for _ in range(MAX_NEWTON_STEPS):
+        turned = euler_rotation(*angles) @ pose.target_in_camera_km
+        miss = wanted - camera.project(turned)
+        if np.abs(miss).max() < TOLERANCE_PX:
+            break
+        angles += np.array([-miss[1], miss[0]]) / camera.focal_length_px
+    return pose.replaced(camera_from_j2000=euler_rotation(*angles) @ pose.camera_from_j2000)
+
+
+def pose_pointed_at(pose: Pose, camera: Camera, xy_px: ArrayLike) -> Pose:
+    """Pose whose camera is turned by the smallest rotation that puts the target's centre at pixel `xy_px`; also when
+    the target was behind the camera."""
+    here = pose.target_in_camera_km / pose.range_km
+    there = camera.ray(np.asarray(xy_px, dtype=np.float64))
+    axis = np.cross(here, there)
+    cosine = float(here @ there)
+    if cosine < -1 + 1e-12:
+        axis_of_half_turn = np.cross(there, [1.0, 0.0, 0.0])
+        axis_of_half_turn /= np.linalg.norm(axis_of_half_turn)
+        turn = 2 * np.outer(axis_of_half_turn, axis_of_half_turn) - np.eye(3)
+    else:
+        cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+        turn = np.eye(3) + cross + cross @ cross / (1 + cosine)
+    return pose.replaced(camera_from_j2000=turn @ pose.camera_from_j2000)

@@ -1,0 +1,204 @@
+"""Range: scan a factor on the distance and keep the one whose simulation is most similar (paper, section 3.2)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.errors import FailedError
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.correction import Correction
+from tasks.point.registration.base import Match, match_under_window
+from tasks.point.registration.intensity import (
+    background_columns,
+    fit_brightness,
+    gauss_newton_step,
+    moved,
+    robust_least_squares,
+)
+from tasks.point.rotation import pose_moved_by
+from tasks.range.similarity import ssim
+from tasks.simulate import Scene, Simulation
+
+Progress = Callable[[str, int, str], None]
+
+
+class RangeSettings(BaseModel):
+    """low, high, step: the paper's scan of 0.99-1.01; it is widened by `widen` at a time, at most to `limit` from 1,
+    while the best factor is at an edge. refine_step: spacing of the three fresh renders that the parabola goes through.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    low: float = Field(0.99, gt=0)
+    high: float = Field(1.01, gt=0)
+    step: float = Field(0.0005, gt=0)
+    widen: float = Field(0.01, gt=0)
+    limit: float = Field(0.06, gt=0, lt=0.5)
+    refine_step: float = Field(0.0015, gt=0)
+    max_refinements: int = Field(6, ge=1)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One tried factor: the similarity there after the offset was re-solved, and that offset (2,), px."""
+
+    factor: float
+    similarity: float
+    offset_px: NDArray[np.float64]
+
+
+def find_range(
+    observation: Observation, pose: Pose, scene: Scene, settings: RangeSettings, progress: Progress | None = None
+) -> Correction:
+    """Correct the distance to the target along the line of sight.
+
+    At every factor the offset is solved again: a wrong distance moves the lit limb, and a fit that holds the centre
+    would pay for it in range. The coarse scan scales one rendered image (a change of distance of per cents is a change
+    of scale to 1e-5); the optimum is then refined on fresh renders.
+
+    Raises FailedError when the similarity has no maximum within the limit.
+    """
+    simulation = scene.render(pose, scene.window(pose.with_range_factor(1 - settings.limit)))
+    match = match_under_window(observation, simulation)
+    centre = scene.camera.project(pose.target_in_camera_km) - [simulation.window.x0, simulation.window.y0]
+    trials, widened = scan(match, centre, settings)
+    best = max(trials, key=lambda trial: trial.similarity)
+    if progress:
+        progress("range", 1, f"scan of {len(trials)} factors: {best.factor:.4f}")
+    refined, curvature = refine(observation, pose, scene, best, settings, progress)
+    before = min(trials, key=lambda trial: abs(trial.factor - 1.0))
+    corrected = pose_moved_by(pose, scene.camera, refined.offset_px).with_range_factor(refined.factor)
+    evidence: dict[str, Any] = {
+        "scan": [[round(t.factor, 6), round(t.similarity, 6)] for t in trials],
+        "widened": widened,
+        "similarity_before": before.similarity,
+        "similarity_after": refined.similarity,
+        "curvature": curvature,
+    }
+    return Correction(
+        step="range",
+        pose=corrected,
+        changed={"range_factor": refined.factor, "offset_px": refined.offset_px.tolist()},
+        uncertainty={"range_factor": range_sigma(observation, corrected, scene)},
+        evidence=evidence,
+    )
+
+
+def scan(match: Match, centre_px: NDArray[np.float64], settings: RangeSettings) -> tuple[list[Trial], bool]:
+    """Similarity over the grid of factors, widened while the best is at an edge; trials sorted by factor."""
+    low, high = settings.low, settings.high
+    factors = np.arange(low, high + settings.step / 2, settings.step)
+    trials = [scaled_trial(match, centre_px, factor) for factor in factors]
+    widened = False
+    while True:
+        best = int(np.argmax([trial.similarity for trial in trials]))
+        if 0 < best < len(trials) - 1:
+            return trials, widened
+        widened = True
+        low_side = best == 0
+        if abs((low if low_side else high) - 1) >= settings.limit - 1e-9:
+            raise FailedError(
+                "range-out-of-bounds",
+                f"the similarity still grows at range factor {trials[best].factor:.4f}, the limit of the scan.",
+                "Check the range and the target's radii, or widen the profile's range.limit.",
+            )
+        if low_side:
+            added = np.arange(low - settings.widen, low - settings.step / 2, settings.step)
+            trials = [*(scaled_trial(match, centre_px, f) for f in added), *trials]
+            low -= settings.widen
+        else:
+            added = np.arange(high + settings.step, high + settings.widen + settings.step / 2, settings.step)
+            trials = [*trials, *(scaled_trial(match, centre_px, f) for f in added)]
+            high += settings.widen
+
+
+def scaled_trial(match: Match, centre_px: NDArray[np.float64], factor: float) -> Trial:
+    """Similarity after scaling the simulated bases about the target's centre by 1 / factor."""
+    import cv2
+
+    ny, nx = match.image.shape
+    scale = 1.0 / factor
+    transform = np.array([[scale, 0, centre_px[0] * (1 - scale)], [0, scale, centre_px[1] * (1 - scale)]])
+    bases = np.stack(
+        [
+            cv2.warpAffine(b, transform, (nx, ny), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            for b in match.simulation.bases
+        ]
+    )
+    return trial_of(match, bases, factor)
+
+
+def trial_of(match: Match, bases: NDArray[np.float32], factor: float) -> Trial:
+    """Solve the offset (two Gauss-Newton steps) and brightness for `bases`, then measure the similarity."""
+    offset = np.zeros(2)
+    for _ in range(2):
+        step, _ = gauss_newton_step(match.image, match.weight, np.stack([moved(b, offset) for b in bases]))
+        offset = offset + np.clip(step, -3, 3)
+    model, _ = fit_brightness(match, np.stack([moved(b, offset) for b in bases]))
+    return Trial(factor, ssim(match.image, model, match.usable), offset)
+
+
+def refine(
+    observation: Observation,
+    pose: Pose,
+    scene: Scene,
+    start: Trial,
+    settings: RangeSettings,
+    progress: Progress | None,
+) -> tuple[Trial, float]:
+    """Maximum of a parabola through fresh renders around `start`; moves on while the maximum is at an end.
+
+    Scaled images are a little blurred except at factor 1, which would draw the maximum there; renders are not.
+    """
+    # One window for all, so that every factor is judged on the same pixels.
+    window = scene.window(pose.with_range_factor(start.factor - 4 * settings.refine_step))
+    rendered: dict[int, Trial] = {}
+
+    def at(index: int) -> Trial:
+        if index not in rendered:
+            factor = start.factor + index * settings.refine_step
+            moved_pose = pose_moved_by(pose, scene.camera, start.offset_px).with_range_factor(factor)
+            match = match_under_window(observation, scene.render(moved_pose, window))
+            trial = trial_of(match, match.simulation.bases, factor)
+            rendered[index] = Trial(factor, trial.similarity, start.offset_px + trial.offset_px)
+            if progress:
+                progress("range", 1 + len(rendered), f"factor {factor:.5f}: similarity {trial.similarity:.5f}")
+        return rendered[index]
+
+    middle = 0
+    for _ in range(settings.max_refinements):
+        left, here, right = at(middle - 1), at(middle), at(middle + 1)
+        if here.similarity >= max(left.similarity, right.similarity):
+            break
+        middle += -1 if left.similarity > right.similarity else 1
+    else:
+        raise FailedError("range-unsettled", "the similarity has no clear maximum near its best scanned factor.")
+    curvature = left.similarity - 2 * here.similarity + right.similarity
+    lean = 0.0 if curvature >= 0 else 0.5 * (left.similarity - right.similarity) / curvature
+    other = right if lean > 0 else left
+    offset = here.offset_px + abs(lean) * (other.offset_px - here.offset_px)
+    top = here.similarity - 0.25 * (left.similarity - right.similarity) * lean
+    return Trial(here.factor + lean * settings.refine_step, top, offset), curvature / settings.refine_step**2
+
+
+def range_sigma(observation: Observation, pose: Pose, scene: Scene) -> float:
+    """1-sigma of the range factor from least squares with offset and brightness solved along; scaled by residuals."""
+    simulation = scene.render(pose)
+    match = match_under_window(observation, simulation)
+    return radial_sigma(match, simulation, scene.camera.project(pose.target_in_camera_km))
+
+
+def radial_sigma(match: Match, simulation: Simulation, centre_px: NDArray[np.float64]) -> float:
+    """The covariance's square root of the column d(model)/d(range factor)."""
+    model, _ = fit_brightness(match, simulation.bases)
+    d_row, d_column = np.gradient(model)
+    ny, nx = model.shape
+    y, x = np.mgrid[:ny, :nx]
+    radial = d_column * (x + simulation.window.x0 - centre_px[0]) + d_row * (y + simulation.window.y0 - centre_px[1])
+    columns = [*simulation.bases, *background_columns(model.shape), -d_column, -d_row, radial]
+    _, covariance, _ = robust_least_squares(np.stack([c.astype(np.float64) for c in columns]), match.image, match.weight)
+    return float(np.sqrt(max(covariance[-1, -1], 0)))
