@@ -1,0 +1,114 @@
+"""What every distortion model can do, and the Newton solution that inverts the smooth ones."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Points = NDArray[np.float64]
+PointMap = Callable[[Points], Points]
+
+NEWTON_STEPS = 25
+NEWTON_TOLERANCE_PX = 1e-10
+ACCEPTED_RESIDUAL_PX = 1e-7
+DERIVATIVE_STEP_PX = 1e-3
+
+
+class DistortionModel(Protocol):
+    """Maps between a camera's raw frame and its undistorted one. Pixels (x, y), 0-based; points have shape (..., 2).
+
+    Both directions accept points outside the frame; where a model has no answer it returns NaN.
+    """
+
+    @property
+    def name(self) -> str:
+        """The method's name."""
+        ...
+
+    @property
+    def raw_size_px(self) -> tuple[int, int]:
+        """Size (nx, ny) of the raw frame."""
+        ...
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Size (nx, ny) of the undistorted frame."""
+        ...
+
+    def __hash__(self) -> int: ...
+
+    def undistort_points(self, xy_raw: ArrayLike) -> Points:
+        """Undistorted places (..., 2) of raw pixels (..., 2)."""
+        ...
+
+    def distort_points(self, xy: ArrayLike) -> Points:
+        """Raw places (..., 2) of undistorted pixels (..., 2)."""
+        ...
+
+    def extrapolated(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """True (...,) for undistorted pixels beyond what the model was measured on."""
+        ...
+
+    def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Expected 1-sigma error (...,) of one coordinate at undistorted pixels (..., 2), undistorted pixels; 0 when
+        the model claims no error."""
+        ...
+
+
+class Identity:
+    """No distortion: raw and undistorted frame are one."""
+
+    name = "none"
+
+    def __init__(self, size_px: tuple[int, int]) -> None:
+        self.raw_size_px = self.size_px = size_px
+
+    def undistort_points(self, xy_raw: ArrayLike) -> Points:
+        """The same points (..., 2)."""
+        return np.array(xy_raw, dtype=np.float64)
+
+    def distort_points(self, xy: ArrayLike) -> Points:
+        """The same points (..., 2)."""
+        return np.array(xy, dtype=np.float64)
+
+    def extrapolated(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """False everywhere."""
+        return np.zeros(np.shape(xy)[:-1], dtype=bool)
+
+    def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Zero everywhere."""
+        return np.zeros(np.shape(xy)[:-1])
+
+
+def solve_points(function: PointMap, wanted: ArrayLike, start: ArrayLike) -> Points:
+    """Points p (..., 2) with function(p) = wanted, by Newton's method from `start`, all points at once.
+
+    NaN where it does not reach `ACCEPTED_RESIDUAL_PX` (for example where the map folds over). The derivative is by
+    central differences, so the map may be any smooth one.
+    """
+    wanted = np.asarray(wanted, dtype=np.float64)
+    shape = wanted.shape
+    target, points = wanted.reshape(-1, 2), np.array(start, dtype=np.float64).reshape(-1, 2)
+    with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+        for _ in range(NEWTON_STEPS):
+            residual = function(points) - target
+            if not (np.abs(residual) > NEWTON_TOLERANCE_PX).any():
+                break
+            points = points - _step(_jacobian(function, points), residual)
+        missed = ~(np.abs(function(points) - target).max(axis=-1, initial=0) <= ACCEPTED_RESIDUAL_PX)
+    points[missed] = np.nan
+    return points.reshape(shape)
+
+
+def _jacobian(function: PointMap, points: Points) -> NDArray[np.float64]:
+    columns = []
+    for axis in ((DERIVATIVE_STEP_PX, 0.0), (0.0, DERIVATIVE_STEP_PX)):
+        columns.append((function(points + axis) - function(points - axis)) / (2 * DERIVATIVE_STEP_PX))
+    return np.stack(columns, axis=-1)
+
+
+def _step(jacobian: NDArray[np.float64], residual: Points) -> Points:
+    (a, b), (c, d) = np.moveaxis(jacobian, (-2, -1), (0, 1))
+    u, v = residual[..., 0], residual[..., 1]
+    return np.stack([d * u - b * v, a * v - c * u], axis=-1) / (a * d - b * c)[..., None]
