@@ -1,0 +1,72 @@
+"""Readers: one per file format behind one Protocol, chosen by the file's first bytes.
+
+`read_frame` is all that the rest of the program needs.
+"""
+
+from pathlib import Path
+
+from catalog.errors import RefusedError
+from catalog.observation import Frame
+from catalog.readers.finishing import frame_of_reading
+from catalog.readers.fits import FitsReader
+from catalog.readers.picture import PictureReader
+from catalog.readers.reading import HEAD_BYTES, Reader
+from catalog.readers.vicar import VicarReader
+
+READERS: tuple[Reader, ...] = (VicarReader(), FitsReader(), PictureReader())
+
+__all__ = ["READERS", "read_frame"]
+
+
+def read_frame(path: Path, camera: str | None = None, target: str | None = None) -> Frame:
+    """The image of a file with all that is known about it.
+
+    camera: catalog name or TOML file, target: name; both override what the label says. Vectors and geometry that the
+    label gives for another target than `target` are dropped.
+
+    Raises RefusedError, naming the file, the fault and the remedy, for whatever cannot be read as one grey image, and
+    for an image whose size is not its camera's.
+    """
+    path = Path(path)
+    head = _head(path)
+    reader = next((reader for reader in READERS if reader.recognises(head, path)), None)
+    if reader is None:
+        raise RefusedError(
+            "image-format-unknown",
+            f"image {path}: {_description(head)}.",
+            "VICAR (Voyager, Galileo, Cassini), compressed Voyager .imq, FITS, PNG and TIFF are read; unpack archives.",
+        )
+    try:
+        reading = reader.read(path)
+    except (OSError, MemoryError) as error:
+        raise RefusedError("image-unreadable", f"image {path} cannot be read ({error}).") from error
+    return frame_of_reading(path, reading, camera, target)
+
+
+def _head(path: Path) -> bytes:
+    remedy = "Give the path of an image file."
+    try:
+        if path.is_dir():
+            raise RefusedError("image-is-folder", f"image {path} is a folder.", remedy)
+        if not path.exists():
+            raise RefusedError("image-missing", f"image {path} does not exist.", remedy)
+        if not path.is_file():
+            raise RefusedError("image-unreadable", f"image {path} is no regular file.", remedy)
+        with path.open("rb") as file:
+            return file.read(HEAD_BYTES)
+    except (OSError, ValueError) as error:
+        raise RefusedError("image-unreadable", f"image {path} cannot be opened ({error}).", remedy) from error
+
+
+def _description(head: bytes) -> str:
+    if not head:
+        return "the file is empty"
+    if head.startswith((b"\x1f\x8b", b"PK\3\4", b"BZh", b"\xfd7zXZ")):
+        return "it is a compressed archive"
+    if _is_text(head):
+        return "it is a text or a detached label, not an image"
+    return "its first bytes are those of no known image format"
+
+
+def _is_text(head: bytes) -> bool:
+    return head.isascii() and all(byte >= 32 or byte in b"\t\n\r\f" for byte in head)

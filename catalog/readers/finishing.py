@@ -1,0 +1,95 @@
+"""From a reader's result to the Frame: camera and target named, bad pixels flagged, noise known, size checked."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera, find_camera
+from catalog.digest import sha256_of_file
+from catalog.errors import RefusedError
+from catalog.observation import UNUSABLE, Frame, Observation, Quality
+from catalog.pose import PartialPose
+from catalog.readers.names import camera_of_names, target_of_label
+from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
+from catalog.readers.reading import Reading
+
+
+def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, target_name: str | None) -> Frame:
+    """The Frame of a reading; `camera_name` and `target_name` override the label's."""
+    name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
+    camera = find_camera(name) if name else None
+    target = target_of_label(target_name) if target_name else reading.target
+    same_target = target_name is None or target == reading.target
+    if camera is not None:
+        _check_size(path, reading, camera)
+    return Frame(
+        product=path.stem,
+        path=path,
+        sha256=sha256_of_file(path),
+        format=reading.format,
+        observation=_observation(reading, camera),
+        camera=name,
+        target=target,
+        et=reading.et,
+        exposure_s=reading.exposure_s,
+        filter=reading.filter,
+        undistorted=_undistorted(reading, camera),
+        label_pose=reading.label_pose if same_target else _without_target(reading.label_pose),
+        label_geometry=reading.label_geometry if same_target else None,
+        label=reading.label,
+    )
+
+
+def _without_target(pose: PartialPose) -> PartialPose:
+    return PartialPose(et=pose.et, camera_from_j2000=pose.camera_from_j2000)
+
+
+def _check_size(path: Path, reading: Reading, camera: Camera) -> None:
+    lines, samples = reading.image.shape
+    if (samples, lines) not in (camera.detector_size_px, camera.size_px):
+        allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((camera.detector_size_px, camera.size_px)))
+        raise RefusedError(
+            "frame-size",
+            f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
+            "Give a full, unbinned frame; a summed or cut mode is a camera of its own: give its --camera FILE.toml.",
+        )
+
+
+def _undistorted(reading: Reading, camera: Camera | None) -> bool:
+    """As the file says; else by its size, where the camera's undistorted frame has another than its detector."""
+    if reading.undistorted is not None or camera is None:
+        return bool(reading.undistorted)
+    size = (reading.image.shape[1], reading.image.shape[0])
+    return size == camera.size_px and size != camera.detector_size_px
+
+
+def _observation(reading: Reading, camera: Camera | None) -> Observation:
+    image = reading.image.astype(np.float32)
+    finite = np.isfinite(image)
+    image = np.where(finite, image, np.float32(0))
+    flags = np.zeros(image.shape, np.int64) if reading.quality is None else reading.quality.astype(np.int64)
+    flags = np.where(finite, flags, flags | Quality.MISSING)
+    saturation = _saturation(reading, camera)
+    if saturation is not None:
+        flags = np.where(image >= saturation, flags | Quality.SATURATED, flags)
+    quality = flags.astype(np.uint16)
+    return Observation(image, _noise(reading, camera, image, quality), quality)
+
+
+def _saturation(reading: Reading, camera: Camera | None) -> float | None:
+    if not reading.raw_dn:
+        return None
+    if camera is not None and camera.saturation_dn is not None:
+        return camera.saturation_dn
+    return 255.0 if reading.image.dtype == np.uint8 else None
+
+
+def _noise(
+    reading: Reading, camera: Camera | None, image: NDArray[np.float32], quality: NDArray[np.uint16]
+) -> NDArray[np.float32]:
+    """The file's own noise; else the camera's model for its raw data numbers; else measured from the image."""
+    if reading.noise is None and reading.raw_dn and camera is not None and "noise" in camera.model_fields_set:
+        return modelled_noise(image, camera.noise)
+    measured = measured_noise(image, (quality & UNUSABLE) == 0, reading.image.dtype.kind in "iu")
+    return measured if reading.noise is None else completed_noise(reading.noise, measured)

@@ -1,0 +1,51 @@
+"""From the spellings found in labels to the catalog's names of cameras and targets."""
+
+import re
+from collections.abc import Iterable, Mapping
+from itertools import product
+from typing import Any
+
+from catalog.camera import known_cameras
+from catalog.target import target_names
+
+HOST_KEYS = (
+    "INSTRUMENT_HOST_NAME",
+    "INSTRUMENT_HOST_ID",
+    "SPACECRAFT_NAME",
+    "MISSION_NAME",
+    "MISSION",
+    "HOSTNAME",
+    "TELESCOP",
+)
+INSTRUMENT_KEYS = ("INSTRUMENT_ID", "INSTRUMENT_NAME", "SENSOR", "INSTRUME", "INSTRU")
+NO_TARGET = {"", "N/A", "UNK", "UNKNOWN", "NULL", "NONE", "SKY", "DARK", "CAL", "CALIBRATION", "STAR", "---"}
+
+
+def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
+    """Every upper-case "HOST/INSTRUMENT" that the label's keywords make (`HOST_KEYS` by `INSTRUMENT_KEYS`)."""
+    hosts, instruments = (
+        [str(label[key]).strip().upper() for key in keys if isinstance(label.get(key), str) and label[key].strip()]
+        for keys in (HOST_KEYS, INSTRUMENT_KEYS)
+    )
+    return tuple(dict.fromkeys(f"{host}/{instrument}" for host, instrument in product(hosts, instruments)))
+
+
+def camera_of_names(names: Iterable[str]) -> str | None:
+    """The catalog camera one of whose `label_names` is among `names` (upper-case, runs of blanks count as one)."""
+    found = {_normal(name) for name in names}
+    for camera in known_cameras().values():
+        if found & {_normal(name) for name in camera.label_names}:
+            return camera.name
+    return None
+
+
+def _normal(name: str) -> str:
+    return re.sub(r"\s+", " ", name.strip().upper())
+
+
+def target_of_label(name: Any) -> str | None:
+    """Catalog name of the label's target; the lower-case spelling itself when the catalog does not have the body."""
+    text = str(name if name is not None else "").strip()
+    if text.upper() in NO_TARGET:
+        return None
+    return target_names().get(text.lower(), text.lower())

@@ -1,0 +1,47 @@
+"""PDS3 labels, parsed by pvl: detached (.LBL beside the image) or in the head of the file."""
+
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+MAX_LABEL_BYTES = 1_000_000
+
+
+def detached_label(path: Path) -> dict[str, Any]:
+    """The keywords of the label that lies beside an image (same name, .LBL or .lbl), {} when there is none.
+
+    A label that cannot be parsed does not stop an image that carries its own: its fault is kept as PDS_LABEL_FAULT.
+    """
+    for suffix in (".LBL", ".lbl"):
+        beside = path.with_suffix(suffix)
+        if beside != path and beside.is_file() and beside.stat().st_size <= MAX_LABEL_BYTES:
+            try:
+                return parse_label(beside.read_bytes().decode("latin-1"))
+            except ValueError as error:
+                return {"PDS_LABEL_FAULT": f"{beside.name}: {error}"}
+    return {}
+
+
+def parse_label(content: str) -> dict[str, Any]:
+    """The label's top-level keywords: times as ISO text, quantities as their number (times in seconds), the rest as is.
+
+    Raises ValueError when the text is no PDS3 label.
+    """
+    import pvl
+    from pvl.exceptions import LexerError, ParseError, QuantityError
+
+    try:
+        module = pvl.loads(content)
+    except (LexerError, ParseError, QuantityError, ValueError, TypeError, IndexError, OverflowError) as error:
+        raise ValueError(f"no PDS3 label ({error})") from error
+    return {str(key): _plain(value) for key, value in module.items() if not hasattr(value, "items")}
+
+
+def _plain(value: Any) -> Any:
+    units = getattr(value, "units", None)
+    if units is not None:
+        milliseconds = str(units).upper() in ("MS", "MSEC", "MILLISECOND", "MILLISECONDS")
+        return value.value / 1000 if milliseconds and isinstance(value.value, (int, float)) else value.value
+    if isinstance(value, datetime):
+        return value.replace(tzinfo=None).isoformat()
+    return value.isoformat() if isinstance(value, date) else value

@@ -1,0 +1,128 @@
+"""The VICAR file format: label, binary header lines, line prefixes and pixels (VICAR File Format, JPL D-4186).
+
+rms-vicar parses the label; the pixels are cut out here, because it refuses the two-dimensional labels (DIM=2) of the
+1980s and believes sizes that lie.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import RefusedError
+from catalog.readers.reading import bytes_at, checked_shape, unreadable
+
+LABEL_START = re.compile(rb"LBLSIZE *= *(\d{1,9})\b")
+MAX_LABEL_BYTES = 1_000_000
+SAMPLE_BYTES = {"BYTE": 1, "HALF": 2, "WORD": 2, "FULL": 4, "LONG": 4, "REAL": 4, "DOUB": 8}
+INTEGER_KINDS = {"BYTE": "u1", "HALF": "i2", "WORD": "i2", "FULL": "i4", "LONG": "i4"}
+
+
+@dataclass(frozen=True)
+class VicarLayout:
+    """Where the pixels are: byte offsets and counts, all checked against the file's size."""
+
+    offset: int
+    lines: int
+    samples: int
+    record_bytes: int
+    prefix_bytes: int
+    kind: str
+    little_endian: bool
+    vax_float: bool
+
+
+def read_vicar(path: Path) -> tuple[dict[str, Any], NDArray[Any]]:
+    """Label (first occurrence of each keyword) and pixels (lines, samples) of a one-band image.
+
+    Raises RefusedError when the label cannot be parsed, its sizes contradict the file, or it holds no plain image.
+    """
+    text, label_bytes = _label_text(path, 0)
+    label = _parsed(path, text)
+    layout = _layout(path, label, label_bytes)
+    pixels = _pixels(path, layout)
+    if _integer(path, label, "EOL", 0):
+        extension_start = layout.offset + layout.lines * layout.record_bytes
+        label = {**_extension(path, extension_start), **label}
+    return label, pixels
+
+
+def _label_text(path: Path, offset: int) -> tuple[str, int]:
+    head = bytes_at(path, offset, min(40, path.stat().st_size - offset), "its label")
+    match = LABEL_START.match(head)
+    if not match:
+        raise unreadable(path, f"no VICAR label at byte {offset}")
+    size = int(match.group(1))
+    if not 0 < size <= MAX_LABEL_BYTES:
+        raise unreadable(path, f"its label claims {size} bytes")
+    raw = bytes_at(path, offset, size, "its label")
+    return raw.partition(b"\0")[0].decode("latin-1"), size
+
+
+def _parsed(path: Path, text: str) -> dict[str, Any]:
+    from vicar import VicarError, VicarLabel
+
+    modern = re.sub(r"\bDIM *= *2\b", "DIM=3", text)
+    if not modern.isprintable():
+        raise unreadable(path, "its VICAR label holds control characters")
+    try:
+        label = VicarLabel(modern, strict=False)
+    except (VicarError, TypeError, ValueError, OverflowError) as error:
+        raise unreadable(path, f"its VICAR label cannot be parsed ({error})") from error
+    flat: dict[str, Any] = {}
+    for name, value in zip(label.names(), label.values(), strict=True):
+        if name in modern:  # rms-vicar adds keywords that are missing, with this machine's number formats
+            flat.setdefault(name, value)
+    return flat
+
+
+def _extension(path: Path, offset: int) -> dict[str, Any]:
+    """The label's continuation behind the pixels (EOL=1); a file cut off there has lost nothing that is needed."""
+    try:
+        return _parsed(path, _label_text(path, offset)[0])
+    except RefusedError:
+        return {}
+
+
+def _integer(path: Path, label: dict[str, Any], key: str, default: int | None = None) -> int:
+    value = label.get(key, default)
+    if not isinstance(value, int):
+        raise unreadable(path, f"its VICAR label gives {key}={value!r}, a whole number is needed")
+    return value
+
+
+def _layout(path: Path, label: dict[str, Any], label_bytes: int) -> VicarLayout:
+    kind = str(label.get("FORMAT", "")).upper()
+    if kind not in SAMPLE_BYTES or not str(label.get("TYPE", "IMAGE")).upper().startswith("IMAG"):
+        raise unreadable(path, f"a VICAR file of TYPE {label.get('TYPE')!r} and FORMAT {kind!r} is no plain image", "")
+    if _integer(path, label, "NB", 1) != 1:
+        raise unreadable(path, f"it has {label['NB']} bands", "Give one band: a colour product has no single exposure.")
+    lines, samples = checked_shape(path, _integer(path, label, "NL"), _integer(path, label, "NS"))
+    prefix = _integer(path, label, "NBB", 0)
+    header_lines = _integer(path, label, "NLB", 0)
+    record = _integer(path, label, "RECSIZE")
+    needed = prefix + samples * SAMPLE_BYTES[kind]
+    if prefix < 0 or header_lines < 0 or record < needed:
+        raise unreadable(path, f"records of {record} bytes cannot hold {prefix} prefix bytes and {samples} samples")
+    little = label.get("INTFMT", "LOW") != "HIGH" if kind in INTEGER_KINDS else label.get("REALFMT", "VAX") != "IEEE"
+    vax = kind not in INTEGER_KINDS and label.get("REALFMT", "VAX") == "VAX"
+    offset = label_bytes + header_lines * record
+    return VicarLayout(offset, lines, samples, record, prefix, kind, little, vax)
+
+
+def _pixels(path: Path, layout: VicarLayout) -> NDArray[Any]:
+    raw = bytes_at(path, layout.offset, layout.lines * layout.record_bytes, "the last image line")
+    records = np.frombuffer(raw, np.uint8).reshape(layout.lines, layout.record_bytes)
+    width = layout.samples * SAMPLE_BYTES[layout.kind]
+    body = np.ascontiguousarray(records[:, layout.prefix_bytes : layout.prefix_bytes + width])
+    if layout.vax_float:
+        import vax
+
+        convert = vax.from_vax32 if layout.kind == "REAL" else vax.from_vax64
+        return convert(body.reshape(-1)).reshape(layout.lines, layout.samples)
+    order = "<" if layout.little_endian else ">"
+    kind = INTEGER_KINDS.get(layout.kind) or ("f4" if layout.kind == "REAL" else "f8")
+    return body.view(order + kind)

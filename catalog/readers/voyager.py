@@ -1,0 +1,96 @@
+"""Voyager ISS in VICAR: the 1980s' files and the PDS Ring Node's RAW, CLEANED, CALIB and GEOMED products.
+
+Both carry the flight label as 72-character lines LAB01 .. LABnn. Its SCET is the end of the exposure: f1636832 (SCET
+19:23:00, 360 ms) was exposed around 19:22:59.820, and the Ring Node's STOP_TIME equals the same SCET. A detached PDS3
+label beside the file supplies START_TIME and STOP_TIME, whose middle is then used.
+"""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.observation import Quality
+from catalog.readers.gaps import border_zeros, zero_filled
+from catalog.readers.label_values import et, middle_et, number, plain_label, text
+from catalog.readers.names import instrument_names, target_of_label
+from catalog.readers.pds3_label import detached_label
+from catalog.readers.reading import Reading
+
+SPACECRAFT = re.compile(r"\bVGR-([12])\b")
+CAMERA = re.compile(r"\b([NW]A) CAMERA\b")
+EXPOSURE = re.compile(r"\bEXP +(\d+(?:\.\d*)?) *MSEC")
+FILTER = re.compile(r"\bFILT +\d\(([^)]*)\)")
+SCET = re.compile(r"\bSCET +(\d{2})\.(\d{3}) +(\d{2}):(\d{2}):(\d{2})")
+PICNO = re.compile(r"\bPICNO +(\S+)")
+FDS = re.compile(r"\bFDS +(\d+\.\d+)")
+TARGET = re.compile(r"\bOUT/\S+ {1,5}([A-Z][A-Z_ ]{1,11}?) +DSS")
+OBJECT_SPACE = (1000, 1000)
+
+
+def flight_label(label: dict[str, Any]) -> str:
+    """The lines LAB01 .. LABnn joined into one text."""
+    keys = sorted(key for key in label if re.fullmatch(r"LAB\d\d", key))
+    return "\n".join(str(label[key]) for key in keys)
+
+
+def matches(label: dict[str, Any]) -> bool:
+    """Whether a VICAR label holds a Voyager flight label."""
+    return SPACECRAFT.search(flight_label(label)) is not None
+
+
+def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
+    """Pixels and metadata of a raw, cleaned, calibrated or geometrically corrected frame."""
+    flight, pds = flight_label(label), detached_label(path)
+    exposure_s = _exposure_s(flight)
+    undistorted = pixels.shape == OBJECT_SPACE
+    return Reading(
+        format="voyager-vicar",
+        image=pixels,
+        quality=_quality(pixels, undistorted),
+        instrument_names=(*_instrument_names(flight), *instrument_names(pds)),
+        target=target_of_label(text(pds, "TARGET_NAME") or _word(TARGET, flight)),
+        et=middle_et(text(pds, "START_TIME"), text(pds, "STOP_TIME")) or _middle_of_flight_label(flight, exposure_s),
+        exposure_s=exposure_s if exposure_s is not None else number(pds, "EXPOSURE_DURATION"),
+        filter=_word(FILTER, flight) or text(pds, "FILTER_NAME"),
+        raw_dn=pixels.dtype == np.uint8,
+        undistorted=undistorted,
+        label=plain_label({**pds, **label, "PICNO": _word(PICNO, flight), "FDS": _word(FDS, flight)}),
+    )
+
+
+def _word(pattern: re.Pattern[str], flight: str) -> str | None:
+    match = pattern.search(flight)
+    return match.group(1).strip() if match else None
+
+
+def _instrument_names(flight: str) -> tuple[str, ...]:
+    spacecraft, camera = SPACECRAFT.search(flight), CAMERA.search(flight)
+    return (f"VGR-{spacecraft.group(1)}/{camera.group(1)} CAMERA",) if spacecraft and camera else ()
+
+
+def _exposure_s(flight: str) -> float | None:
+    milliseconds = _word(EXPOSURE, flight)
+    return None if milliseconds is None else float(milliseconds) / 1000
+
+
+def _middle_of_flight_label(flight: str, exposure_s: float | None) -> float | None:
+    match = SCET.search(flight)
+    if match is None:
+        return None
+    year, day, hour, minute, second = match.groups()
+    end = et(f"19{year}-{day}T{hour}:{minute}:{second}")
+    return None if end is None else end - (exposure_s or 0.0) / 2
+
+
+def _quality(pixels: NDArray[Any], undistorted: bool) -> NDArray[np.uint16]:
+    """MISSING for zero fill of raw frames and for the edges that a geometric correction could not reach."""
+    if undistorted:
+        missing = border_zeros(pixels)
+    else:
+        missing = zero_filled(pixels) if pixels.dtype == np.uint8 else np.zeros(pixels.shape, bool)
+    extreme = np.abs(pixels.astype(np.int64)) >= 32767 if pixels.dtype.kind == "i" else np.zeros(pixels.shape, bool)
+    flags = np.where(missing, Quality.OUTSIDE_WINDOW if undistorted else Quality.MISSING, 0)
+    return np.where(extreme, flags | Quality.SATURATED, flags).astype(np.uint16)
