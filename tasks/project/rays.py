@@ -34,6 +34,12 @@ class Rays:
     reference_px: Array
     spacecraft: Array
 
+    @property
+    def limb_conic(self) -> Array:
+        """Symmetric (3, 3) N: a line of sight meets the body exactly when b . N b >= 0, b = (1, dx, dy) as above."""
+        moment = np.cross(self.spacecraft, self.backward.T)
+        return self.backward.T @ self.backward - moment @ moment.T
+
     def at(self, xy_px: ArrayLike) -> tuple[Array, Array]:
         """Anchor and backward vectors, each (..., 3), of pixels (..., 2)."""
         offset = np.asarray(xy_px, dtype=np.float64) - self.reference_px
@@ -86,10 +92,15 @@ def intersect(rays: Rays, xy_px: ArrayLike) -> Array:
     Paper, equations 13-16, solved from the point of closest approach, which keeps the root accurate at the limb.
     """
     anchor, backward = rays.at(xy_px)
-    length2 = np.sum(backward * backward, axis=-1, keepdims=True)
-    closest = anchor - backward * (np.sum(anchor * backward, axis=-1, keepdims=True) / length2)
+    length2 = dot(backward, backward)
+    closest = anchor - backward * (dot(anchor, backward) / length2)
     with np.errstate(invalid="ignore"):
-        half_chord = np.sqrt(1.0 - np.sum(closest * closest, axis=-1, keepdims=True))
+        half_chord = np.sqrt(1.0 - dot(closest, closest))
     point = closest + backward * (half_chord / np.sqrt(length2))
-    ahead = np.sum((rays.spacecraft - point) * backward, axis=-1, keepdims=True) > 0
+    ahead = dot(rays.spacecraft - point, backward) > 0
     return np.where(ahead, point, np.nan)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products (..., 1) of vectors (..., 3)."""
+    return np.einsum("...i,...i->...", a, b)[..., None]

@@ -1,0 +1,215 @@
+"""The projection's inner loop, compiled by numba: short loops over one row of pixels that the compiler can vectorise.
+
+It holds no lock of the interpreter (nogil), so `planes` runs blocks of rows in plain threads: no OpenMP, which would
+make forks and concurrent callers unsafe and the compilation several times longer.
+"""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+DEGREES = 180.0 / math.pi
+TINY = 1e-290  # keeps 0/0 at the poles and the sub-solar point from becoming NaN
+TAN_22_5 = math.sqrt(2.0) - 1.0
+
+
+def _atan_series() -> tuple[float, ...]:
+    """Coefficients of atan(r)/r in powers of r^2, exact to the last bits for |r| <= tan 22.5 deg (Chebyshev fit)."""
+    from numpy.polynomial import Chebyshev, Polynomial
+
+    def ratio(r2: NDArray[np.float64]) -> NDArray[np.float64]:
+        r = np.sqrt(np.maximum(r2, 1e-300))
+        return np.arctan(r) / r
+
+    fit = Chebyshev.interpolate(ratio, 13, domain=[0.0, TAN_22_5**2])
+    return tuple(float(c) for c in fit.convert(kind=Polynomial).coef)
+
+
+A0, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12, A13 = _atan_series()
+
+
+def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Compile with numba and keep the machine code on disk, beside the source or in the user's cache folder; where
+    neither can be written (a read-only container), compile anew in each process."""
+    import numba
+
+    try:
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    except RuntimeError:
+        return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+@compiled
+def _atan2_deg(y: float, x: float) -> float:
+    """atan2 in degrees without branches or calls, to about 1e-14 deg; atan2(0, 0) is 0, NaN stays NaN."""
+    ay, ax = abs(y), abs(x)
+    steep = ay > ax
+    low = ax if steep else ay
+    high = (ay if steep else ax) + TINY
+    folded = low > TAN_22_5 * high
+    r = ((low - high) if folded else low) / ((low + high) if folded else high)
+    z = r * r
+    s = A13
+    s = s * z + A12
+    s = s * z + A11
+    s = s * z + A10
+    s = s * z + A9
+    s = s * z + A8
+    s = s * z + A7
+    s = s * z + A6
+    s = s * z + A5
+    s = s * z + A4
+    s = s * z + A3
+    s = s * z + A2
+    s = s * z + A1
+    s = s * z + A0
+    angle = r * s * DEGREES
+    angle = (angle + 45.0) if folded else angle
+    angle = (90.0 - angle) if steep else angle
+    angle = (180.0 - angle) if x < 0.0 else angle
+    return -angle if y < 0.0 else angle
+
+
+@compiled
+def _angle_deg(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
+    """Angle between two vectors of any length, exact also near 0 and 180."""
+    cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    return _atan2_deg(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+
+
+@compiled
+def _intersect_row(anchor, backward, spacecraft, radii, dx, dy, px, py, pz):  # type: ignore[no-untyped-def]
+    """Points (3, n) km of one row's pixels; NaN off the body. See `rays.intersect`."""
+    gx0 = anchor[0, 0] + anchor[0, 2] * dy
+    gy0 = anchor[1, 0] + anchor[1, 2] * dy
+    gz0 = anchor[2, 0] + anchor[2, 2] * dy
+    qx0 = backward[0, 0] + backward[0, 2] * dy
+    qy0 = backward[1, 0] + backward[1, 2] * dy
+    qz0 = backward[2, 0] + backward[2, 2] * dy
+    gx1, gy1, gz1 = anchor[0, 1], anchor[1, 1], anchor[2, 1]
+    qx1, qy1, qz1 = backward[0, 1], backward[1, 1], backward[2, 1]
+    sx, sy, sz = spacecraft[0], spacecraft[1], spacecraft[2]
+    rx, ry, rz = radii[0], radii[1], radii[2]
+    for i in range(px.size):
+        x = dx + i
+        gx, gy, gz = gx0 + gx1 * x, gy0 + gy1 * x, gz0 + gz1 * x
+        qx, qy, qz = qx0 + qx1 * x, qy0 + qy1 * x, qz0 + qz1 * x
+        q2 = qx * qx + qy * qy + qz * qz
+        w = -(gx * qx + gy * qy + gz * qz) / q2
+        cx, cy, cz = gx + w * qx, gy + w * qy, gz + w * qz
+        w = math.sqrt((1.0 - (cx * cx + cy * cy + cz * cz)) / q2)
+        cx, cy, cz = cx + w * qx, cy + w * qy, cz + w * qz
+        ahead = (sx - cx) * qx + (sy - cy) * qy + (sz - cz) * qz > 0.0
+        px[i] = rx * cx if ahead else np.nan
+        py[i] = ry * cy if ahead else np.nan
+        pz[i] = rz * cz if ahead else np.nan
+
+
+@compiled
+def _latitude_row(px, py, pz, out):  # type: ignore[no-untyped-def]
+    for i in range(out.size):
+        out[i] = _atan2_deg(pz[i], math.sqrt(px[i] * px[i] + py[i] * py[i]))
+
+
+@compiled
+def _longitude_row(px, py, out):  # type: ignore[no-untyped-def]
+    for i in range(out.size):
+        longitude = _atan2_deg(py[i], px[i])
+        longitude = (longitude + 360.0) if longitude < 0.0 else longitude
+        out[i] = 0.0 if longitude >= 360.0 else longitude
+
+
+@compiled
+def _zenith_angle_row(px, py, pz, inverse_radii2, toward, out):  # type: ignore[no-untyped-def]
+    """Angle between the ellipsoid's outward normal and the direction to `toward` (3,) km."""
+    ux, uy, uz = inverse_radii2[0], inverse_radii2[1], inverse_radii2[2]
+    tx, ty, tz = toward[0], toward[1], toward[2]
+    for i in range(out.size):
+        x, y, z = px[i], py[i], pz[i]
+        out[i] = _angle_deg(x * ux, y * uy, z * uz, tx - x, ty - y, tz - z)
+
+
+@compiled
+def _phase_row(px, py, pz, spacecraft, sun, out):  # type: ignore[no-untyped-def]
+    ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
+    bx, by, bz = sun[0], sun[1], sun[2]
+    for i in range(out.size):
+        x, y, z = px[i], py[i], pz[i]
+        out[i] = _angle_deg(ax - x, ay - y, az - z, bx - x, by - y, bz - z)
+
+
+@compiled
+def _range_row(px, py, pz, spacecraft, out):  # type: ignore[no-untyped-def]
+    ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
+    for i in range(out.size):
+        x, y, z = ax - px[i], ay - py[i], az - pz[i]
+        out[i] = math.sqrt(x * x + y * y + z * z)
+
+
+@compiled
+def _resolution_row(px, py, pz, spacecraft, inverse_radii2, focal_length_px, out):  # type: ignore[no-untyped-def]
+    """Range / focal length / cos(emission), the cosine as (n . v) / (|n| |v|)."""
+    ux, uy, uz = inverse_radii2[0], inverse_radii2[1], inverse_radii2[2]
+    ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
+    for i in range(out.size):
+        nx, ny, nz = px[i] * ux, py[i] * uy, pz[i] * uz
+        vx, vy, vz = ax - px[i], ay - py[i], az - pz[i]
+        normal = math.sqrt(nx * nx + ny * ny + nz * nz)
+        out[i] = (vx * vx + vy * vy + vz * vz) * normal / (focal_length_px * (nx * vx + ny * vy + nz * vz))
+
+
+@compiled
+def _columns_on_body(conic, dx, dy, n):  # type: ignore[no-untyped-def]
+    """First and past-last column of a row that may hit the body, from the limb's conic; all when it is no ellipse."""
+    a, b = conic[1, 1], 2.0 * (conic[0, 1] + conic[1, 2] * dy)
+    c = conic[0, 0] + (2.0 * conic[0, 2] + conic[2, 2] * dy) * dy
+    if not a < 0.0:
+        return 0, n
+    root = b * b - 4.0 * a * c
+    if root < 0.0:
+        return 0, 0
+    middle, half = -b / (2.0 * a) - dx, math.sqrt(root) / (-2.0 * a)
+    first = min(max(math.floor(middle - half) - 1.0, 0.0), n)
+    last = min(max(math.ceil(middle + half) + 2.0, first), n)
+    return int(first), int(last)
+
+
+@compiled
+def fill_rows(  # type: ignore[no-untyped-def]
+    anchor, backward, conic, radii, spacecraft, sun, focal_length_px, dx, dy, slots, rows, out
+):
+    """Fill rows[0] to rows[1] of `out` (planes, ny, nx) for pixels at (dx + column, dy + row) from the rays' reference.
+
+    anchor, backward, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. slots: (7,), the index in
+    `out` of latitude, longitude, incidence, emission, phase, range and resolution; -1 for those not asked for.
+    """
+    columns = out.shape[2]
+    spacecraft_radii = spacecraft / radii
+    inverse_radii2 = 1.0 / (radii * radii)
+    x_km, y_km, z_km = np.empty(columns), np.empty(columns), np.empty(columns)
+    for row in range(rows[0], rows[1]):
+        first, last = _columns_on_body(conic, dx, dy + row, columns)
+        out[:, row, :first] = np.nan
+        out[:, row, last:] = np.nan
+        if last <= first:
+            continue
+        n = last - first
+        px, py, pz = x_km[:n], y_km[:n], z_km[:n]
+        _intersect_row(anchor, backward, spacecraft_radii, radii, dx + first, dy + row, px, py, pz)
+        if slots[0] >= 0:
+            _latitude_row(px, py, pz, out[slots[0], row, first:last])
+        if slots[1] >= 0:
+            _longitude_row(px, py, out[slots[1], row, first:last])
+        if slots[2] >= 0:
+            _zenith_angle_row(px, py, pz, inverse_radii2, sun, out[slots[2], row, first:last])
+        if slots[3] >= 0:
+            _zenith_angle_row(px, py, pz, inverse_radii2, spacecraft, out[slots[3], row, first:last])
+        if slots[4] >= 0:
+            _phase_row(px, py, pz, spacecraft, sun, out[slots[4], row, first:last])
+        if slots[5] >= 0:
+            _range_row(px, py, pz, spacecraft, out[slots[5], row, first:last])
+        if slots[6] >= 0:
+            _resolution_row(px, py, pz, spacecraft, inverse_radii2, focal_length_px, out[slots[6], row, first:last])
