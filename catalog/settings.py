@@ -28,3 +28,11 @@ def cache_folder() -> Path:
     if configured:
         return Path(configured)
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "planetpose"
+
+
+def state_folder() -> Path:
+    """Folder of what outlives a command (the local Prefect server and its database): PLANETPOSE_STATE, else XDG's."""
+    configured = os.environ.get("PLANETPOSE_STATE")
+    if configured:
+        return Path(configured)
+    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "planetpose"

@@ -1,1 +1,1 @@
-"""What is done: one folder per step of the paper. Pure numpy functions, and beside them the thin cached Prefect task."""
+"""What is done: one folder per step of the paper. Pure numpy functions, and beside them the body of the cached step."""

@@ -1,0 +1,63 @@
+"""A cached step as a Prefect task.
+
+Prefect keeps a small pointer beside the record, under the step's own key, so that its caching and its pages show a
+finished step as Cached. Its ready-made policies look at arguments or source code and so miss changed helpers, changed
+files, and results whose files are gone.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from prefect import Task, task
+from prefect.cache_policies import CachePolicy
+from prefect.context import TaskRunContext
+
+from tasks.record import Record
+from tasks.step import Step, run
+from tasks.work import Progress
+
+POINTER_FILE = "prefect.json"
+
+
+@dataclass
+class PointerIsKey(CachePolicy):
+    """The task's parameter `pointer` is its key: a path below the cache folder, which is the result storage."""
+
+    def compute_key(
+        self,
+        task_ctx: TaskRunContext,  # noqa: ARG002 - Prefect's signature
+        inputs: dict[str, Any],
+        flow_parameters: dict[str, Any],  # noqa: ARG002
+        **kwargs: Any,  # noqa: ARG002
+    ) -> str:
+        """The value of the parameter."""
+        return str(inputs["pointer"])
+
+
+@task(cache_policy=PointerIsKey(), persist_result=True, result_serializer="json", cache_result_in_memory=False)
+def run_step(step: Step, progress: Progress, pointer: str) -> dict[str, str]:  # noqa: ARG001 - pointer is the key
+    """Run `step` unless its record exists; what Prefect keeps is only where the record is."""
+    run(step, progress)
+    return {"step": step.name, "key": step.key, "folder": str(step.folder)}
+
+
+@cache
+def _named(name: str, cache_folder: str) -> Task[..., dict[str, str]]:
+    from pathlib import Path
+
+    return run_step.with_options(
+        name=name, task_run_name="{step.name}:{step.product}", result_storage=Path(cache_folder)
+    )
+
+
+def run_as_task(step: Step, progress: Progress) -> Record:
+    """Like `tasks.step.run`, as a Prefect task of the calling flow. Raises what the step's body raises."""
+    pointer = step.cached_at / POINTER_FILE
+    if step.record() is None:
+        pointer.unlink(missing_ok=True)  # the result is gone: Prefect must not take the step as cached
+    _named(step.name, str(step.cache))(step, progress, str(pointer.relative_to(step.cache)))
+    record = step.record()
+    if record is None:
+        raise RuntimeError(f"{step.name} of {step.product} ended without a record in {step.folder}")
+    return record
