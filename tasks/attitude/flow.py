@@ -1,0 +1,105 @@
+"""Optical flow: where each template of the simulation lies in the image (paper, section 5.1)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Flow:
+    """displacement: (ny, nx, 2) px, (x, y), from simulation to image. correlation: (ny, nx) of the best match, -1..1.
+    valid: (ny, nx) where the template has texture, lies on usable pixels, and its best match is inside the search."""
+
+    displacement: NDArray[np.float32]
+    correlation: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+
+
+def optical_flow(
+    image: NDArray[np.float32],
+    simulation: NDArray[np.float32],
+    usable: NDArray[np.bool_],
+    template_px: int = 13,
+    search_px: int = 21,
+    min_texture: float = 0.0,
+) -> Flow:
+    """Normalised cross-correlation (paper, eq. 13) of the `template_px` box around every pixel of the simulation with
+    every place inside the `search_px` box of the image, refined to a fraction of a pixel by parabolas.
+
+    image, simulation, usable: (ny, nx); min_texture: smallest standard deviation of a template. All templates are done
+    at once: the sums of a box are box filters, one for each of the (search - template + 1)^2 displacements.
+    Raises ValueError for even boxes or a search box that is not larger than the template.
+    """
+    if template_px % 2 == 0 or search_px % 2 == 0 or search_px <= template_px:
+        raise ValueError(f"boxes must be odd and the search larger than the template: {template_px}, {search_px}")
+    reach = (search_px - template_px) // 2
+    scale = float(np.std(image[usable])) if usable.any() else 1.0
+    t = simulation - np.float32(np.mean(simulation))
+    f = np.where(usable, image - np.float32(np.mean(image[usable]) if usable.any() else 0), 0).astype(np.float32)
+    t, f = t / np.float32(scale or 1.0), f / np.float32(scale or 1.0)
+    mean_t, mean_f = box_mean(t, template_px), box_mean(f, template_px)
+    var_t = np.maximum(box_mean(t * t, template_px) - mean_t**2, 0)
+    var_f = np.maximum(box_mean(f * f, template_px) - mean_f**2, 0)
+    size = 2 * reach + 1
+    scores = np.full((size, size, *t.shape), -1, np.float32)
+    for i, dy in enumerate(range(-reach, reach + 1)):
+        for j, dx in enumerate(range(-reach, reach + 1)):
+            moved_f, moved_mean, moved_var = (shifted(a, dx, dy) for a in (f, mean_f, var_f))
+            covariance = box_mean(t * moved_f, template_px) - mean_t * moved_mean
+            scores[i, j] = covariance / np.sqrt(np.maximum(var_t * moved_var, 1e-12))
+    displacement, correlation, inside = peaks(scores, reach)
+    clear = box_mean(usable.astype(np.float32), search_px) > 1 - 1e-4
+    textured = np.sqrt(var_t) * scale > max(min_texture, 1e-6 * scale)
+    return Flow(displacement, correlation, inside & clear & textured & away_from_edge(t.shape, search_px))
+
+
+def box_mean(a: NDArray[np.float32], side: int) -> NDArray[np.float32]:
+    """Mean over a centred square box."""
+    import cv2
+
+    return cv2.boxFilter(a, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REPLICATE)
+
+
+def shifted(a: NDArray[np.float32], dx: int, dy: int) -> NDArray[np.float32]:
+    """a at (x + dx, y + dy), edges replicated."""
+    ny, nx = a.shape
+    rows = np.clip(np.arange(ny) + dy, 0, ny - 1)
+    columns = np.clip(np.arange(nx) + dx, 0, nx - 1)
+    return a[rows[:, None], columns]
+
+
+def away_from_edge(shape: tuple[int, int], search_px: int) -> NDArray[np.bool_]:
+    """Pixels whose search box lies in the frame."""
+    mask = np.zeros(shape, bool)
+    half = search_px // 2
+    mask[half : shape[0] - half, half : shape[1] - half] = True
+    return mask
+
+
+def peaks(
+    scores: NDArray[np.float32], reach: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
+    """Best displacement (ny, nx, 2) with parabolic sub-pixel part, its score, and whether it is off the search's edge."""
+    size = 2 * reach + 1
+    flat = scores.reshape(size * size, *scores.shape[2:])
+    best = np.argmax(flat, axis=0)
+    row, column = best // size, best % size
+    inside = (row > 0) & (row < size - 1) & (column > 0) & (column < size - 1)
+    r, c = np.clip(row, 1, size - 2), np.clip(column, 1, size - 2)
+
+    def score(dr: int, dc: int) -> NDArray[np.float32]:
+        return np.take_along_axis(flat, ((r + dr) * size + c + dc)[None], axis=0)[0]
+
+    here = score(0, 0)
+    dx = parabola_peak(score(0, -1), here, score(0, 1))
+    dy = parabola_peak(score(-1, 0), here, score(1, 0))
+    displacement = np.stack([c - reach + dx, r - reach + dy], axis=-1).astype(np.float32)
+    return displacement, np.take_along_axis(flat, best[None], axis=0)[0], inside
+
+
+def parabola_peak(left: NDArray, here: NDArray, right: NDArray) -> NDArray[np.float32]:
+    """Place of the maximum of a parabola through three equidistant values, within half a step."""
+    curvature = left - 2 * here + right
+    peak = np.divide(0.5 * (left - right), curvature, out=np.zeros_like(here), where=curvature < -1e-9)
+    return np.clip(peak, -0.5, 0.5)

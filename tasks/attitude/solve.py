@@ -1,0 +1,178 @@
+"""Attitude: turn the target until its markings lie where the image has them (paper, section 5)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.observation import Observation
+from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
+from tasks.attitude.flow import Flow, optical_flow
+from tasks.attitude.kabsch import robust_kabsch
+from tasks.correction import Correction
+from tasks.point.registration.base import Match, match_under_window
+from tasks.point.registration.intensity import correlation, fit_brightness
+from tasks.project.points import body_points
+from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
+
+Progress = Callable[[str, int, str], None]
+
+COARSE_RADIUS_PX = 120.0
+
+
+class AttitudeSettings(BaseModel):
+    """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
+    attitude undetermined. max_deg: a larger turn is not believed. min_lit: weakest simulated shading, relative to the
+    brightest, at which markings are compared."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    template_px: int = Field(13, ge=3)
+    search_px: int = Field(21, ge=5)
+    min_correlation: float = Field(0.5, ge=-1, le=1)
+    min_vectors: int = Field(200, ge=3)
+    min_lit: float = Field(0.15, ge=0, lt=1)
+    max_deg: float = Field(5.0, gt=0)
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One estimate: the pose after it, the rotation vector in the body frame before it (3,), degrees, its 1-sigma
+    (3,), and counts; or why there is none."""
+
+    pose: Pose
+    vector_deg: NDArray[np.float64] | None
+    sigma_deg: NDArray[np.float64] | None
+    evidence: dict[str, Any]
+
+
+def find_attitude(
+    observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, progress: Progress | None = None
+) -> Correction:
+    """Correct the attitude of the target by optical flow and Kabsch; camera and distance stay.
+
+    Large disks are first compared at reduced resolution, so that the search box spans some degrees. When the image
+    cannot tell (too few or too poor vectors, an unbelievable turn, or a turn that makes the images less alike) the
+    pose is returned unchanged with `attitude_deg` None and the reason in the evidence: that is an answer, no failure.
+    """
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    reductions = [n for n in (4, 2) if radius / n >= COARSE_RADIUS_PX] + [1]
+    turned, turns = pose, []
+    for iteration, reduction in enumerate(reductions, 1):
+        turn = one_turn(observation, turned, scene, settings, reduction)
+        turns.append({"reduction": reduction, **turn.evidence})
+        if turn.vector_deg is None:
+            continue
+        turned = turn.pose
+        if progress:
+            size = float(np.linalg.norm(turn.vector_deg))
+            progress("attitude", iteration, f"{turn.evidence['vectors']} flow vectors, turn of {size:.3f} deg")
+    evidence: dict[str, Any] = {"turns": turns}
+    before, after = (likeness(observation, p, scene) for p in (pose, turned))
+    evidence |= {"correlation_before": before, "correlation_after": after}
+    # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
+    whole = vector_deg_from_rotation((turned.body_from_j2000 @ pose.body_from_j2000.T).T)
+    reason = None
+    if turn.vector_deg is None:
+        reason = turn.evidence["reason"]
+    elif float(np.linalg.norm(whole)) > settings.max_deg:
+        reason = f"a turn of {float(np.linalg.norm(whole)):.1f} deg is not believable (limit {settings.max_deg} deg)"
+    elif after < before - 1e-4:
+        reason = f"the turn makes image and simulation less alike ({before:.4f} to {after:.4f})"
+    if reason is not None:
+        evidence["undetermined"] = reason
+        return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
+    sigma = None if turn.sigma_deg is None else turn.sigma_deg.tolist()
+    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence)
+
+
+def one_turn(
+    observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, reduction: int
+) -> Turn:
+    """Flow on the shading-free images, vectors carried to the body, robust Kabsch."""
+    simulation = scene.render(pose)
+    match = match_under_window(observation, simulation)
+    image, texture, comparable = without_shading(match, settings.min_lit)
+    flow = reduced_flow(image, texture, comparable, settings, reduction)
+    good = flow.valid & (flow.correlation >= settings.min_correlation)
+    count = int(good.sum())
+    evidence: dict[str, Any] = {"vectors": count}
+    if count * reduction**2 < settings.min_vectors:
+        return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
+    window = simulation.window
+    y, x = np.nonzero(good)
+    origin = np.array([window.x0, window.y0])
+    centre_of_cell = (reduction - 1) / 2
+    here = np.stack([x, y], axis=-1) * reduction + centre_of_cell + origin
+    there = here + flow.displacement[good] * reduction
+    p = body_points(pose, scene.camera, scene.target, here)
+    q = body_points(pose, scene.camera, scene.target, there)
+    on_body = np.isfinite(p).all(axis=-1) & np.isfinite(q).all(axis=-1)
+    p, q, weight = p[on_body], q[on_body], flow.correlation[good][on_body]
+    try:
+        rotation, kept = robust_kabsch(p, q, weight)
+    except ValueError as error:
+        return Turn(pose, None, None, evidence | {"reason": str(error)})
+    evidence["kept"] = int(kept.sum())
+    if kept.sum() < 0.3 * len(p):
+        return Turn(pose, None, None, evidence | {"reason": "the flow vectors do not agree on one rotation"})
+    independent = max(kept.sum() / settings.template_px**2, 1.0)
+    sigma = rotation_sigma_deg(p[kept], q[kept], rotation, independent)
+    turned = pose.replaced(body_from_j2000=rotation.T @ pose.body_from_j2000)
+    return Turn(turned, vector_deg_from_rotation(rotation), sigma, evidence)
+
+
+def without_shading(match: Match, min_lit: float) -> tuple[NDArray, NDArray, NDArray[np.bool_]]:
+    """Image and simulation divided by the fitted shading, and the pixels where that is safe.
+
+    Shading is tied to the Sun, not to the ground: left in, it pulls every template towards no motion.
+    """
+    simulation = match.simulation
+    model, coefficients = fit_brightness(match, simulation.bases)
+    k = len(simulation.bases)
+    shading = np.tensordot(coefficients[:k], simulation.shading, 1)
+    background = model - np.tensordot(coefficients[:k], simulation.bases, 1)
+    inside = simulation.coverage > 0.999
+    bright = shading > min_lit * np.percentile(shading[inside], 95) if inside.any() else inside
+    safe = inside & bright
+    divisor = np.where(safe, shading, 1.0)
+    image = np.where(safe, (match.image - background) / divisor, 0).astype(np.float32)
+    texture = np.where(safe, (model - background) / divisor, 0).astype(np.float32)
+    return image, texture, safe & match.usable
+
+
+def reduced_flow(
+    image: NDArray, texture: NDArray, comparable: NDArray[np.bool_], settings: AttitudeSettings, reduction: int
+) -> Flow:
+    """Flow at 1 / reduction of the resolution."""
+    if reduction > 1:
+        ny, nx = (side // reduction * reduction for side in image.shape)
+
+        def cells(a: NDArray) -> NDArray[np.float32]:
+            shape = (ny // reduction, reduction, nx // reduction, reduction)
+            return a[:ny, :nx].reshape(shape).mean(axis=(1, 3), dtype=np.float32)
+
+        image, texture, comparable = cells(image), cells(texture), cells(comparable) > 0.999
+    texture = np.where(comparable, texture, 0).astype(np.float32)
+    image = np.where(comparable, image, 0).astype(np.float32)
+    return optical_flow(image, texture, comparable, settings.template_px, settings.search_px)
+
+
+def rotation_sigma_deg(p: NDArray, q: NDArray, rotation: NDArray, independent: float) -> NDArray[np.float64]:
+    """1-sigma (3,) of the rotation vector from the scatter of the points, `independent` of which count."""
+    residual = q - p @ rotation.T
+    variance = float((residual**2).sum()) / (2 * len(p))
+    normal = np.eye(3) * (p**2).sum() - p.T @ p
+    covariance = np.linalg.pinv(normal / len(p)) * variance / independent
+    return np.degrees(np.sqrt(np.diag(covariance)))
+
+
+def likeness(observation: Observation, pose: Pose, scene: Scene) -> float:
+    """Correlation of image and brightness-fitted simulation."""
+    match = match_under_window(observation, scene.render(pose))
+    model, _ = fit_brightness(match, match.simulation.bases)
+    return correlation(match.image, model, match.usable)
