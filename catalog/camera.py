@@ -1,4 +1,4 @@
-"""A camera is one TOML file: the pinhole geometry of its undistorted frame, its raw detector, noise, PSF and kernels."""
+"""A camera is one TOML file: the pinhole geometry of its undistorted frame, raw detector, noise, PSF and kernels."""
 
 import math
 import tomllib
@@ -31,9 +31,9 @@ class Noise(BaseModel):
     """Noise of one pixel in the file's units: variance = read_dn^2 + value / gain_e_per_dn + (relative * value)^2."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    read_dn: float = Field(1.0, ge=0)
-    gain_e_per_dn: float = Field(100.0, gt=0)
-    relative: float = Field(0.0, ge=0)
+    read_dn: float = Field(default=1.0, ge=0)
+    gain_e_per_dn: float = Field(default=100.0, gt=0)
+    relative: float = Field(default=0.0, ge=0)
 
 
 class Camera(BaseModel):
@@ -51,19 +51,19 @@ class Camera(BaseModel):
     size_px: tuple[int, int]
     centre_px: tuple[float, float]
     focal_length_px: float = Field(gt=0)
-    focal_length_mm: float | None = Field(None, gt=0)
-    pixel_pitch_mm: float | None = Field(None, gt=0)
+    focal_length_mm: float | None = Field(default=None, gt=0)
+    pixel_pitch_mm: float | None = Field(default=None, gt=0)
     raw_size_px: tuple[int, int] | None = None
     valid_window: tuple[int, int, int, int] | None = None  # x0, y0, width, height in the raw frame
     distortion: Distortion = Distortion()
-    psf_sigma_px: float = Field(0.7, ge=0)
+    psf_sigma_px: float = Field(default=0.7, ge=0)
     noise: Noise = Noise()
     saturation_dn: float | None = None
     naif_spacecraft_id: int | None = None
     naif_instrument_id: int | None = None
     naif_ck_frame: str | None = None
     naif_ck_id: int | None = None
-    ck_tolerance_s: float = Field(0.0, ge=0)  # a discrete C-kernel's nearest entry may be this far away
+    ck_tolerance_s: float = Field(default=0.0, ge=0)  # a discrete C-kernel's nearest entry may be this far away
     instrument_frame: str | None = None
     camera_from_instrument: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     label_dialect: str | None = None

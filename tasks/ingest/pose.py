@@ -1,0 +1,126 @@
+"""The pose that the metadata claim, each part from the best source that knows it: pose file, SPICE, label.
+
+One exception: an orientation that was built from a label's scalars (centre line and sample, north azimuth) only means
+something together with the label's own distance and sub-spacecraft point, so then every part is the label's.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalog.camera import Camera
+from catalog.errors import RefusedError
+from catalog.observation import Frame
+from catalog.pose import POSE_KEYS, PartialPose, Pose, read_pose_file
+from catalog.spice_pose import LIGHT_KM_PER_S, SpicePose, pose_parts_from_spice
+from catalog.target import Target
+
+
+@dataclass(frozen=True)
+class InitialPose:
+    """pose: the complete predicted pose. source: where the camera's orientation came from (file, spice, label).
+
+    sources: the same for each part (also `catalog`: rotation model of the target file). missing: what SPICE could not
+    give, in words. kernels: name and sha256 of what was furnished. evidence: range_km by each source that has one.
+    """
+
+    pose: Pose
+    source: str
+    sources: dict[str, str]
+    missing: tuple[str, ...] = ()
+    kernels: tuple[dict[str, str], ...] = ()
+    evidence: dict[str, Any] = field(default_factory=dict)
+
+
+def initial_pose(
+    frame: Frame, camera: Camera, target: Target, kernels: Iterable[Path], pose_file: Path | None = None
+) -> InitialPose:
+    """Predicted pose of `frame` at mid-exposure.
+
+    Precedence of each part: pose file, SPICE where `kernels` (files or folders) cover it, label. The pose file's time
+    overrides the label's. Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
+    """
+    from_file = read_pose_file(pose_file) if pose_file else PartialPose()
+    et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
+    if et is None:
+        raise RefusedError(
+            "pose-unknown",
+            f"{frame.product}: the label gives no time.",
+            "Give a pose file (--pose) with utc or et of mid-exposure.",
+        )
+    from_label, is_relative = _label_parts(frame, camera, target, et)
+    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, from_label))
+    relative_label = is_relative and from_file.camera_from_j2000 is None and spice.parts.camera_from_j2000 is None
+    ranked = {"file": from_file, "spice": PartialPose() if relative_label else spice.parts, "label": from_label}
+    parts, sources = _best_parts(ranked)
+    parts = replace(parts, et=et)
+    if parts.body_from_j2000 is None:
+        parts = _with_catalog_rotation(parts, target, sources)
+    unknown = [key for key in POSE_KEYS if getattr(parts, key) is None]
+    if unknown:
+        raise _unknown(frame, camera, unknown, spice)
+    return InitialPose(
+        pose=parts.completed(),
+        source=sources["camera_from_j2000"],
+        sources=sources,
+        missing=spice.missing,
+        kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
+        evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
+    )
+
+
+def _first_known(*values: float | None) -> float | None:
+    return next((value for value in values if value is not None), None)
+
+
+def _label_parts(frame: Frame, camera: Camera, target: Target, et: float) -> tuple[PartialPose, bool]:
+    """The label's parts, and whether its orientation is relative to the label's own target geometry."""
+    if not frame.label_geometry:
+        return frame.label_pose, False
+    from catalog.label_geometry import pose_from_label_geometry
+
+    solved = pose_from_label_geometry(frame.label_geometry, camera, target, et)
+    is_relative = frame.label_pose.camera_from_j2000 is None and solved.camera_from_j2000 is not None
+    return frame.label_pose.filled_from(solved), is_relative
+
+
+def _light_time_s(*sources: PartialPose) -> float | None:
+    positions = (source.target_from_spacecraft_km for source in sources)
+    return next((float(np.linalg.norm(p)) / LIGHT_KM_PER_S for p in positions if p is not None), None)
+
+
+def _best_parts(ranked: dict[str, PartialPose]) -> tuple[PartialPose, dict[str, str]]:
+    parts = PartialPose()
+    for candidate in ranked.values():
+        parts = parts.filled_from(candidate)
+    sources = {}
+    for key in POSE_KEYS:
+        known_to = [name for name, candidate in ranked.items() if getattr(candidate, key) is not None]
+        sources.update({key: known_to[0]} if known_to else {})
+    return parts, sources
+
+
+def _with_catalog_rotation(parts: PartialPose, target: Target, sources: dict[str, str]) -> PartialPose:
+    """Body attitude from the target file's rotation model at the time the light left, when the range is known."""
+    light_time_s = _light_time_s(parts)
+    if target.rotation is None or light_time_s is None or parts.et is None:
+        return parts
+    sources["body_from_j2000"] = "catalog"
+    return replace(parts, body_from_j2000=target.rotation.body_from_j2000(parts.et - light_time_s))
+
+
+def _ranges(ranked: dict[str, PartialPose]) -> dict[str, float]:
+    positions = {name: parts.target_from_spacecraft_km for name, parts in ranked.items()}
+    return {name: float(np.linalg.norm(p)) for name, p in positions.items() if p is not None}
+
+
+def _unknown(frame: Frame, camera: Camera, unknown: list[str], spice: SpicePose) -> RefusedError:
+    needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
+    return RefusedError(
+        "pose-unknown",
+        f"{frame.product}: nothing gives {', '.join(unknown)} (SPICE: {'; '.join(spice.missing)}; the label neither).",
+        f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
+    )

@@ -1,0 +1,99 @@
+"""The initial pose takes each part from the best source, and refuses with words that help."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalog.camera import find_camera
+from catalog.errors import RefusedError
+from catalog.observation import Frame, Observation
+from catalog.pose import PartialPose, Pose
+from catalog.rotation import rotation_from_vector_deg
+from catalog.target import find_target
+from tasks.ingest.pose import initial_pose
+
+ET = 6.0e8
+CAMERA = find_camera("cassini-nac")
+TARGET = find_target("enceladus")
+LIGHT_TIME_S = 1e6 / 299792.458
+
+
+def _frame(**changes: Any) -> Frame:
+    pixels = np.zeros((4, 4), np.float32)
+    observation = Observation(pixels, pixels + 1, np.zeros((4, 4), np.uint16))
+    frame = Frame("N1", Path("N1.IMG"), "0" * 64, "test", observation, camera=CAMERA.name, et=ET)
+    return frame.replaced(**changes)
+
+
+def _pose() -> Pose:
+    return Pose(
+        et=ET,
+        camera_from_j2000=rotation_from_vector_deg([10, 20, 30]),
+        target_from_spacecraft_km=np.array([0.0, 6e5, 8e5]),
+        sun_from_target_km=np.array([1e9, 0, 1e8]),
+        body_from_j2000=rotation_from_vector_deg([-40, 5, 80]),
+    )
+
+
+def _pose_file(folder: Path, *keys: str, **changes: Any) -> Path:
+    content = {key: value for key, value in _pose().to_dict().items() if key in keys}
+    path = folder / "pose.json"
+    path.write_text(json.dumps({**content, **changes}))
+    return path
+
+
+GEOMETRY_KEYS = ("camera_from_j2000", "target_from_spacecraft_km", "sun_from_target_km", "body_from_j2000")
+
+
+def test_a_complete_pose_file_is_used_as_it_stands(tmp_path: Path) -> None:
+    found = initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, "et", *GEOMETRY_KEYS))
+    assert found.source == "file"
+    assert set(found.sources.values()) == {"file"}
+    assert found.pose.to_dict() == _pose().to_dict()
+
+
+def test_the_time_of_the_pose_file_overrides_the_labels(tmp_path: Path) -> None:
+    path = _pose_file(tmp_path, *GEOMETRY_KEYS, et=ET + 7)
+    assert initial_pose(_frame(), CAMERA, TARGET, [], path).pose.et == ET + 7
+
+
+def test_without_kernels_the_bodys_attitude_comes_from_the_catalog_at_the_time_the_light_left(tmp_path: Path) -> None:
+    found = initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, *GEOMETRY_KEYS[:3]))
+    assert found.sources["body_from_j2000"] == "catalog"
+    assert TARGET.rotation is not None
+    expected = TARGET.rotation.body_from_j2000(ET - LIGHT_TIME_S)
+    np.testing.assert_allclose(found.pose.body_from_j2000, expected, atol=1e-12)
+
+
+def test_the_pose_file_wins_over_the_label_part_by_part(tmp_path: Path) -> None:
+    label = PartialPose.from_dict(_pose().to_dict())
+    turned = rotation_from_vector_deg([0, 0, 3])
+    path = _pose_file(tmp_path, camera_from_j2000=turned.tolist())
+    found = initial_pose(_frame(label_pose=label), CAMERA, TARGET, [], path)
+    assert found.sources == {key: "file" if key == "camera_from_j2000" else "label" for key in GEOMETRY_KEYS}
+    np.testing.assert_array_equal(found.pose.camera_from_j2000, turned)
+    np.testing.assert_array_equal(found.pose.body_from_j2000, _pose().body_from_j2000)
+
+
+def test_no_source_at_all_is_refused_naming_parts_kernels_and_the_pose_file() -> None:
+    with pytest.raises(RefusedError) as refusal:
+        initial_pose(_frame(), CAMERA, TARGET, [])
+    assert refusal.value.code == "pose-unknown"
+    for word in ("camera_from_j2000", "sun_from_target_km", "no kernels are loaded", "cas_v43.tf", "--pose"):
+        assert word in refusal.value.reason
+
+
+def test_a_frame_without_time_is_refused() -> None:
+    with pytest.raises(RefusedError, match=r"no time.*--pose"):
+        initial_pose(_frame(et=None), CAMERA, TARGET, [])
+
+
+def test_a_pose_file_with_a_matrix_that_is_no_rotation_is_refused(tmp_path: Path) -> None:
+    skewed = np.eye(3)
+    skewed[0, 1] = 0.01
+    path = _pose_file(tmp_path, *GEOMETRY_KEYS[1:], camera_from_j2000=skewed.tolist())
+    with pytest.raises(RefusedError, match=r"pose\.json.*camera_from_j2000 is not orthonormal"):
+        initial_pose(_frame(), CAMERA, TARGET, [], path)
