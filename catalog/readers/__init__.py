@@ -9,11 +9,12 @@ from catalog.errors import RefusedError
 from catalog.observation import Frame
 from catalog.readers.finishing import frame_of_reading
 from catalog.readers.fits import FitsReader
+from catalog.readers.imq import ImqReader
 from catalog.readers.picture import PictureReader
 from catalog.readers.reading import HEAD_BYTES, Reader
 from catalog.readers.vicar import VicarReader
 
-READERS: tuple[Reader, ...] = (VicarReader(), FitsReader(), PictureReader())
+READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader())
 
 __all__ = ["READERS", "read_frame"]
 

@@ -18,6 +18,7 @@ HOST_KEYS = (
     "TELESCOP",
 )
 INSTRUMENT_KEYS = ("INSTRUMENT_ID", "INSTRUMENT_NAME", "SENSOR", "INSTRUME", "INSTRU")
+CUT_OFF_LENGTH = 8
 NO_TARGET = {"", "N/A", "UNK", "UNKNOWN", "NULL", "NONE", "SKY", "DARK", "CAL", "CALIBRATION", "STAR", "---"}
 
 
@@ -48,4 +49,13 @@ def target_of_label(name: Any) -> str | None:
     text = str(name if name is not None else "").strip()
     if text.upper() in NO_TARGET:
         return None
-    return target_names().get(text.lower(), text.lower())
+    return _full_name(text.lower())
+
+
+def _full_name(name: str) -> str:
+    """Catalog name of a spelling; Voyager's labels cut names off after eight characters (ENCELADU)."""
+    names = target_names()
+    if name in names or len(name) != CUT_OFF_LENGTH:
+        return names.get(name, name)
+    meant = {target for spelling, target in names.items() if spelling.startswith(name)}
+    return meant.pop() if len(meant) == 1 else name
