@@ -16,6 +16,7 @@ from catalog.errors import RefusedError
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
 }  # fmt: skip
+BINARY_SUFFIXES = (".bsp", ".bc", ".bpc")
 KIND_ORDER = ("lsk", "pck", "fk", "ik", "sclk", "spk", "ck", "other", "meta")
 
 _POOL_LOCK = threading.RLock()
@@ -96,9 +97,20 @@ def _pool_is_empty() -> bool:
         return True
 
 
+def _head(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(3)
+
+
 def _furnish(kernel: Kernel) -> None:
     import spiceypy
 
+    if kernel.path.suffix.lower() in BINARY_SUFFIXES and _head(kernel.path) not in (b"DAF", b"NAI"):
+        raise RefusedError(  # SPICE would take it for an empty text kernel
+            "kernel-unreadable",
+            f"kernel {kernel.path} is no binary SPICE file.",
+            "Fetch it again; it may be cut short.",
+        )
     try:
         spiceypy.furnsh(str(kernel.path))
     except spiceypy.utils.exceptions.SpiceyError as error:

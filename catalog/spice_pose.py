@@ -41,20 +41,27 @@ def pose_parts_from_spice(
     `light_time_s` stands in when the trajectory is not covered. Camera: the C-kernel's attitude, mapped to the camera
     frame. Nothing raises for lack of coverage; RefusedError for a kernel that cannot be loaded.
     """
-    missing: list[str] = []
     with kernel_pool(kernels) as loaded:
-        if not loaded:
-            return SpicePose(PartialPose(et=et), ("no kernels are loaded",), ())
-        position, own_light_time_s = _target_from_spacecraft(camera, target, et, loaded, missing)
-        light_time_s = own_light_time_s if own_light_time_s is not None else light_time_s
-        emission_et = None if light_time_s is None else et - light_time_s
-        parts = PartialPose(
-            et=et,
-            camera_from_j2000=_camera_from_j2000(camera, et, missing),
-            target_from_spacecraft_km=position,
-            sun_from_target_km=None if emission_et is None else _sun_from_target(target, emission_et, loaded, missing),
-            body_from_j2000=None if emission_et is None else _body_from_j2000(target, emission_et, missing),
-        )
+        return pose_parts_from_loaded(camera, target, et, loaded, light_time_s)
+
+
+def pose_parts_from_loaded(
+    camera: Camera, target: Target, et: float, loaded: list[Kernel], light_time_s: float | None = None
+) -> SpicePose:
+    """The same with kernels that a `kernel_pool` around the call holds: for many images at once."""
+    if not loaded:
+        return SpicePose(PartialPose(et=et), ("no kernels are loaded",), ())
+    missing: list[str] = []
+    position, own_light_time_s = _target_from_spacecraft(camera, target, et, loaded, missing)
+    light_time_s = own_light_time_s if own_light_time_s is not None else light_time_s
+    emission_et = None if light_time_s is None else et - light_time_s
+    parts = PartialPose(
+        et=et,
+        camera_from_j2000=_camera_from_j2000(camera, et, missing),
+        target_from_spacecraft_km=position,
+        sun_from_target_km=None if emission_et is None else _sun_from_target(target, emission_et, loaded, missing),
+        body_from_j2000=None if emission_et is None else _body_from_j2000(target, emission_et, missing),
+    )
     return SpicePose(parts, tuple(missing), tuple(loaded))
 
 

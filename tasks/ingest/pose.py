@@ -15,7 +15,7 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Frame
 from catalog.pose import POSE_KEYS, PartialPose, Pose, read_pose_file
-from catalog.spice_pose import LIGHT_KM_PER_S, SpicePose, pose_parts_from_spice
+from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
 
 
@@ -51,7 +51,7 @@ def initial_pose(
             f"{frame.product}: the label gives no time.",
             "Give a pose file (--pose) with utc or et of mid-exposure.",
         )
-    from_label, is_relative = _label_parts(frame, camera, target, et)
+    from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
     spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, from_label))
     relative_label = is_relative and from_file.camera_from_j2000 is None and spice.parts.camera_from_j2000 is None
     ranked = {"file": from_file, "spice": PartialPose() if relative_label else spice.parts, "label": from_label}
@@ -61,12 +61,12 @@ def initial_pose(
         parts = _with_catalog_rotation(parts, target, sources)
     unknown = [key for key in POSE_KEYS if getattr(parts, key) is None]
     if unknown:
-        raise _unknown(frame, camera, unknown, spice)
+        raise _unknown(frame, camera, unknown, spice.missing, label_faults)
     return InitialPose(
         pose=parts.completed(),
         source=sources["camera_from_j2000"],
         sources=sources,
-        missing=spice.missing,
+        missing=(*spice.missing, *label_faults),
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
     )
@@ -76,15 +76,17 @@ def _first_known(*values: float | None) -> float | None:
     return next((value for value in values if value is not None), None)
 
 
-def _label_parts(frame: Frame, camera: Camera, target: Target, et: float) -> tuple[PartialPose, bool]:
-    """The label's parts, and whether its orientation is relative to the label's own target geometry."""
+def _label_parts(frame: Frame, camera: Camera, target: Target, et: float) -> tuple[PartialPose, bool, tuple[str, ...]]:
+    """The label's parts, whether its orientation is relative to the label's own target geometry, and its faults."""
     if not frame.label_geometry:
-        return frame.label_pose, False
+        return frame.label_pose, False, ()
     from catalog.label_geometry import pose_from_label_geometry
 
-    solved = pose_from_label_geometry(frame.label_geometry, camera, target, et)
-    is_relative = frame.label_pose.camera_from_j2000 is None and solved.camera_from_j2000 is not None
-    return frame.label_pose.filled_from(solved), is_relative
+    try:
+        solved = pose_from_label_geometry(frame.label_geometry, camera, target, et)
+    except RefusedError as error:  # other sources may do without the label
+        return frame.label_pose, False, (f"label: {error.fault}",)
+    return frame.label_pose.filled_from(solved), frame.label_pose.camera_from_j2000 is None, ()
 
 
 def _light_time_s(*sources: PartialPose) -> float | None:
@@ -117,10 +119,13 @@ def _ranges(ranked: dict[str, PartialPose]) -> dict[str, float]:
     return {name: float(np.linalg.norm(p)) for name, p in positions.items() if p is not None}
 
 
-def _unknown(frame: Frame, camera: Camera, unknown: list[str], spice: SpicePose) -> RefusedError:
+def _unknown(
+    frame: Frame, camera: Camera, unknown: list[str], spice_gaps: tuple[str, ...], label_faults: tuple[str, ...]
+) -> RefusedError:
     needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
+    label = "; ".join(label_faults) or "the label does not give them"
     return RefusedError(
         "pose-unknown",
-        f"{frame.product}: nothing gives {', '.join(unknown)} (SPICE: {'; '.join(spice.missing)}; the label neither).",
+        f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",
         f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
     )

@@ -97,3 +97,36 @@ def test_a_pose_file_with_a_matrix_that_is_no_rotation_is_refused(tmp_path: Path
     path = _pose_file(tmp_path, *GEOMETRY_KEYS[1:], camera_from_j2000=skewed.tolist())
     with pytest.raises(RefusedError, match=r"pose\.json.*camera_from_j2000 is not orthonormal"):
         initial_pose(_frame(), CAMERA, TARGET, [], path)
+
+
+LABEL_GEOMETRY = {
+    "distance_km": 5e5,
+    "sub_spacecraft_lat_deg": 10.0,
+    "sub_spacecraft_lon_deg": 200.0,
+    "sub_solar_lat_deg": -5.0,
+    "sub_solar_lon_deg": 150.0,
+    "north_azimuth_deg": 260.0,
+    "centre_x_px": 400.0,
+    "centre_y_px": 300.0,
+    "solar_distance_km": 1.4e9,
+}
+
+
+def test_an_orientation_from_label_geometry_brings_the_labels_whole_geometry() -> None:
+    found = initial_pose(_frame(label_geometry=LABEL_GEOMETRY), CAMERA, TARGET, [])
+    assert found.source == "label"
+    assert set(found.sources.values()) == {"label"}
+    np.testing.assert_allclose(CAMERA.project(found.pose.target_in_camera_km), [400, 300], atol=1e-6)
+    assert found.pose.range_km == pytest.approx(5e5)
+
+
+def test_faulty_label_geometry_does_not_stop_a_complete_pose_file(tmp_path: Path) -> None:
+    frame = _frame(label_geometry={**LABEL_GEOMETRY, "distance_km": float("nan")})
+    found = initial_pose(frame, CAMERA, TARGET, [], _pose_file(tmp_path, "et", *GEOMETRY_KEYS))
+    assert found.source == "file"
+    assert any("distance_km" in text for text in found.missing)
+
+
+def test_faulty_label_geometry_alone_is_refused_with_its_fault() -> None:
+    with pytest.raises(RefusedError, match=r"label lacks distance_km"):
+        initial_pose(_frame(label_geometry={**LABEL_GEOMETRY, "distance_km": float("nan")}), CAMERA, TARGET, [])
