@@ -1,0 +1,100 @@
+"""How far the pose's uncertainty moves each pixel's latitude and longitude."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.target import Target
+from tasks.project.points import body_points
+from tasks.project.rays import dot
+
+Array = NDArray[np.float64]
+
+PARAMETERS = (
+    "offset_x_px", "offset_y_px", "range_factor", "attitude_x_deg", "attitude_y_deg", "attitude_z_deg",
+)  # fmt: skip
+SIZES = {"offset_px": 2, "range_factor": 1, "attitude_deg": 3}
+MAX_LATITUDE_SIGMA_DEG, MAX_LONGITUDE_SIGMA_DEG = 90.0, 180.0  # beyond these, an angle is simply unknown
+
+
+@dataclass(frozen=True)
+class PoseUncertainty:
+    """Covariance (6, 6) of PARAMETERS: the target's place in the image, its distance relative to the pose's, and the
+    turn of the body about its own axes. not_included: names of the parameters whose uncertainty nobody knows."""
+
+    covariance: Array
+    not_included: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.covariance.shape != (6, 6) or not np.isfinite(self.covariance).all():
+            raise ValueError(f"the covariance must be finite and (6, 6), got shape {self.covariance.shape}")
+
+    @classmethod
+    def from_sigmas(cls, sigmas: Mapping[str, Any]) -> "PoseUncertainty":
+        """From 1-sigma values `offset_px` [2], `range_factor`, `attitude_deg` [3], without correlations. A value that
+        is missing or None counts as zero and is listed in `not_included`. Raises ValueError for a wrong length."""
+        unknown = tuple(name for name in SIZES if sigmas.get(name) is None)
+        values = [np.zeros(n) if name in unknown else _checked(name, sigmas[name]) for name, n in SIZES.items()]
+        return cls(np.diag(np.concatenate(values) ** 2), unknown)
+
+
+def _checked(name: str, value: ArrayLike) -> Array:
+    sigma = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    if sigma.shape != (SIZES[name],) or not np.isfinite(sigma).all():
+        raise ValueError(f"the uncertainty of {name} must be {SIZES[name]} finite numbers, got {value!r}")
+    return sigma
+
+
+def coordinate_sigmas(
+    pose: Pose, camera: Camera, target: Target, uncertainty: PoseUncertainty, xy_px: ArrayLike
+) -> tuple[Array, Array]:
+    """1-sigma of latitude and longitude (...), degrees, at pixels (..., 2); NaN off the body.
+
+    Linear: sqrt(J C J^T) with `coordinate_jacobian`, so it grows without limit towards the limb (and longitude's
+    towards the poles), where it is cut at 90 and 180 degrees.
+    """
+    latitude, longitude = coordinate_jacobian(pose, camera, target, xy_px)
+    half = _square_root(uncertainty.covariance)
+    sigmas = [np.sqrt(np.sum((j @ half) ** 2, axis=-1)) for j in (latitude, longitude)]
+    return np.minimum(sigmas[0], MAX_LATITUDE_SIGMA_DEG), np.minimum(sigmas[1], MAX_LONGITUDE_SIGMA_DEG)
+
+
+def coordinate_jacobian(pose: Pose, camera: Camera, target: Target, xy_px: ArrayLike) -> tuple[Array, Array]:
+    """Derivatives (..., 6) of latitude and longitude, degrees, by PARAMETERS, at pixels (..., 2); NaN off the body.
+
+    The point P = S + t d stays on its line of sight and on the ellipsoid: with u what S + t d would do if t were
+    fixed, dP = u - d (n . u) / (n . d), n the normal. An offset moves d, a range factor S, a turn of the body both.
+    """
+    points = body_points(pose, camera, target, xy_px)
+    spacecraft, radii = pose.spacecraft_in_body_km, np.asarray(target.radii_km)
+    body_from_camera = pose.camera_from_body.T
+    sight, normal = points - spacecraft, points / radii**2
+    shift = -(sight @ body_from_camera[:, 2])[..., None] / camera.focal_length_px
+    jacobians = []
+    for gradient in _coordinate_gradients(points):
+        along = gradient - normal * (dot(gradient, sight) / dot(normal, sight))
+        offset = np.degrees(along @ body_from_camera[:, :2] * shift)
+        factor = np.degrees(along @ spacecraft)[..., None]
+        turn = np.cross(along, points)
+        jacobians.append(np.concatenate([offset, factor, turn], axis=-1))
+    return jacobians[0], jacobians[1]
+
+
+def _coordinate_gradients(points: Array) -> tuple[Array, Array]:
+    """Gradients (..., 3) of planetocentric latitude and of longitude, radians per km."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    rho = np.maximum(np.hypot(x, y), 1e-9)
+    latitude = np.stack([-z * x / rho, -z * y / rho, rho], axis=-1) / dot(points, points)
+    longitude = np.stack([-y, x, np.zeros_like(x)], axis=-1) / (rho**2)[..., None]
+    return latitude, longitude
+
+
+def _square_root(covariance: Array) -> Array:
+    """A matrix H with H H^T = covariance, also for a singular one."""
+    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
