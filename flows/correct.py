@@ -1,0 +1,100 @@
+"""The Prefect flow: correct images, each through the chain of cached tasks; one bad image never stops the others."""
+
+import logging
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from prefect import flow
+from prefect.states import Completed, Failed, State
+
+from catalog.errors import PlanetposeError, RefusedError
+from flows.chain import Chain
+from flows.image import correct_image
+from flows.plan import twins
+from flows.progress import Reporter, Silent
+from flows.request import Request
+from flows.result import result_of
+from tasks.prefect_task import run_as_task
+from tasks.record import Record
+from tasks.step import Step
+
+Result = dict[str, Any]
+logger = logging.getLogger("planetpose")
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Who in this process hears of progress and results; not a parameter of the flow, for it cannot travel."""
+
+    reporter: Reporter
+    on_result: Callable[[Result], None]
+
+
+_nobody = Audience(Silent(), lambda _: None)
+_audience: ContextVar[Audience | None] = ContextVar("audience", default=None)
+
+
+@contextmanager
+def audience(reporter: Reporter, on_result: Callable[[Result], None]) -> Iterator[None]:
+    """Within the `with` block, flows of this process report to these two; results come in the order of the requests."""
+    token = _audience.set(Audience(reporter, on_result))
+    try:
+        yield
+    finally:
+        _audience.reset(token)
+
+
+@flow(name="correct", persist_result=False)
+def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
+    """Correct every request, `workers` images at a time. Ends Failed, its data all results, when one image is not ok.
+
+    Images run in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's lock.
+    """
+    listener = _audience.get() or _nobody
+    refused = twins(requests)
+    results: list[Result] = []
+    with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool:
+        # Each thread gets a copy of the flow's context: its tasks belong to this flow run.
+        futures = [
+            pool.submit(copy_context().run, partial(one_result, request, listener.reporter, refused.get(position)))
+            for position, request in enumerate(requests)
+        ]
+        for future in futures:
+            results.append(future.result())
+            listener.on_result(results[-1])
+    bad = [result for result in results if result["status"] != "ok"]
+    summary = f"{len(results) - len(bad)} of {len(results)} images ok"
+    return Failed(message=summary, data=results) if bad else Completed(message=summary, data=results)
+
+
+def one_result(request: Request, reporter: Reporter, twin: str | None = None) -> Result:
+    """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result."""
+    chain = Chain(request, partial(run_and_report, reporter))
+    error: Exception | None = None
+    try:
+        if twin:
+            raise RefusedError("product-twice", f"{twin}.", "Use another --store for one of them.")
+        correct_image(chain)
+    except PlanetposeError as expected:
+        error = expected
+    except Exception as bug:  # the boundary of one image: the batch goes on, and the log has the traceback
+        logger.exception("%s ended by %s", request.product, type(bug).__name__)
+        error = bug
+    result = result_of(chain, error)
+    reporter.finished(request.product, result["status"], result["reason"])
+    return result
+
+
+def run_and_report(reporter: Reporter, step: Step) -> Record:
+    """Run one step as a task, telling the reporter that it begins and how it iterates."""
+    reporter.message(step.product, step.name, 0, "")
+
+    def progress(_: str, iteration: int, text: str) -> None:
+        reporter.message(step.product, step.name, iteration, text)
+
+    return run_as_task(step, progress)

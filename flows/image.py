@@ -1,0 +1,140 @@
+"""Correct one image: the paper's figure 1, read from top to bottom.
+
+The same lines run the steps, as Prefect tasks or not, and look up what is already done: see `flows.chain`.
+"""
+
+from typing import Any
+
+from catalog.digest import sha256_of_json
+from catalog.errors import FailedError
+from flows.chain import Chain
+from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
+
+CORRECTIONS = ("point", "range", "attitude")
+
+
+def correct_image(chain: Chain) -> None:
+    """Do every step for the chain's request. Raises RefusedError or FailedError when a step or the verdict does."""
+    frame = ingest(chain)
+    predicted = pose(chain, frame)
+    undistort(chain, frame)
+    scene, basemap = scene_inputs(chain, frame, predicted)
+    latest = "pose"
+    for number in range(1, chain.request.profile.passes + 1):
+        for correction in CORRECTIONS:
+            latest = correct(chain, correction, number, latest, scene, basemap)
+    believe(chain, validate(chain, latest, scene, basemap))
+    publish(chain, latest, scene, basemap)
+
+
+def ingest(chain: Chain) -> dict[str, Any]:
+    """Read the file's metadata."""
+    request = chain.request
+    inputs = {
+        "image": digest_of(request.image, "image"),
+        "camera": camera_inputs(request),
+        "target_name": request.target,
+        "target_names": target_names_digest(),
+        "product": request.product,
+    }
+    return chain.do("ingest", "tasks.ingest.step", inputs, image_places(chain))
+
+
+def image_places(chain: Chain) -> dict[str, Any]:
+    """Where the image is, and the camera file if the user gave one."""
+    return {"image": str(chain.request.image), "camera": chain.request.camera}
+
+
+def image_inputs(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
+    """What the pixels and the label depend on."""
+    return {"image": frame["sha256"], "camera": frame["camera"], "target_name": chain.request.target}
+
+
+def pose(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
+    """Find the predicted pose in pose file, kernels or label."""
+    request = chain.request
+    pose_file = request.pose_file
+    inputs = image_inputs(chain, frame) | {
+        "frame": sha256_of_json(frame),
+        "pose_file": digest_of(pose_file, "pose file") if pose_file else None,
+        "kernels": kernel_inputs(request.kernel_paths),
+    }
+    places = image_places(chain) | {
+        "pose_file": str(pose_file) if pose_file else None,
+        "kernels": [str(path) for path in request.kernel_paths],
+    }
+    return chain.do("pose", "tasks.ingest.pose_step", inputs, places)
+
+
+def undistort(chain: Chain, frame: dict[str, Any]) -> None:
+    """Make the undistorted image."""
+    settings = chain.request.profile.settings_of("undistort")
+    inputs = image_inputs(chain, frame) | {"undistorted": frame["undistorted"], "settings": settings}
+    chain.do("undistort", "tasks.undistort.step", inputs, image_places(chain))
+
+
+def scene_inputs(
+    chain: Chain, frame: dict[str, Any], predicted: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What every simulation depends on, and where its base map is."""
+    basemap, path = basemap_inputs(chain.request, predicted["target"])
+    inputs = {
+        "observation": chain.key("undistort"),
+        "camera": frame["camera"],
+        "target": predicted["target"],
+        "basemap": basemap,
+        "simulate": chain.request.profile.settings_of("simulate"),
+    }
+    return inputs, {"undistort": chain.folder("undistort"), "basemap": path}
+
+
+def pose_inputs(chain: Chain, step: str) -> Any:
+    """What the pose that `step` ended with depends on. For the predicted one that is the pose itself: kernels that
+    were offered but change nothing redo the step `pose`, and nothing after it."""
+    predicted = chain.records["pose"].result["pose"]
+    return predicted if step == "pose" else chain.key(step)
+
+
+def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict[str, Any], basemap: Any) -> str:
+    """One of point, range, attitude; returns the step's name. Only the first pass searches the whole frame."""
+    settings = chain.request.profile.settings_of(correction)
+    if correction == "point" and number > 1:
+        settings["coarse"] = False
+    name = f"{correction}-{number}"
+    inputs = scene | {"pose": pose_inputs(chain, latest), "settings": settings}
+    chain.do(name, f"tasks.{correction}.step", inputs, basemap | {"pose": chain.folder(latest)})
+    return name
+
+
+def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:
+    """Compare the limbs."""
+    inputs = scene | {
+        "pose": pose_inputs(chain, latest),
+        "predicted": pose_inputs(chain, "pose"),
+        "settings": chain.request.profile.settings_of("validate"),
+    }
+    places = basemap | {"pose": chain.folder(latest), "predicted": chain.folder("pose")}
+    return chain.do("validate", "tasks.validate.step", inputs, places)
+
+
+def believe(chain: Chain, report: dict[str, Any]) -> None:
+    """Raise FailedError when the limb does not bear the corrected pose out."""
+    accept = chain.request.profile.accept
+    rms_px, points = report["limb"]["rms_px"], report["limb"]["points"]
+    if rms_px is None and accept.require_limb:
+        raise FailedError(
+            "limb-not-measured",
+            f"only {points} segments of the lit limb could be measured, so nothing bears the corrected pose out.",
+            "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
+        )
+    if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:
+        raise FailedError(
+            "limb-does-not-fit",
+            f"the corrected limb is {rms_px:.2f} px (RMS) from the image's, allowed {accept.max_limb_rms_px:g} px.",
+            "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
+        )
+
+
+def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:
+    """Project every pixel and write the product into the store."""
+    raise NotImplementedError

@@ -1,0 +1,83 @@
+"""A profile chooses every step's brick and settings. It is a TOML file; what it leaves out keeps its default."""
+
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from catalog.errors import RefusedError
+from tasks.attitude import AttitudeSettings
+from tasks.point import PointSettings
+from tasks.range import RangeSettings
+from tasks.simulate import SceneSettings
+from tasks.undistort import UndistortSettings
+from tasks.validate import ValidateSettings
+
+PROFILE_FOLDER = Path(__file__).parent / "profiles"
+DEFAULT_PROFILE = "standard"
+
+
+class AcceptSettings(BaseModel):
+    """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
+    measured is not believed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    max_limb_rms_px: float | None = Field(3.0, gt=0)
+    require_limb: bool = True
+
+
+class Profile(BaseModel):
+    """The settings of all steps. passes: how often point, range and attitude are done in turn."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str = Field(DEFAULT_PROFILE, min_length=1)
+    passes: int = Field(2, ge=1, le=10)
+    undistort: UndistortSettings = UndistortSettings()
+    simulate: SceneSettings = SceneSettings()
+    point: PointSettings = PointSettings()
+    range: RangeSettings = RangeSettings()
+    attitude: AttitudeSettings = AttitudeSettings()
+    validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
+    accept: AcceptSettings = AcceptSettings()
+
+    def resolved(self) -> dict[str, Any]:
+        """Every setting with its value, defaults included, as plain JSON."""
+        return self.model_dump(mode="json", by_alias=True)
+
+    def settings_of(self, step: str) -> dict[str, Any]:
+        """Settings of one step as plain JSON."""
+        return dict(self.resolved()[step])
+
+
+@cache
+def known_profiles() -> dict[str, Path]:
+    """Profiles that come with the program: name and file."""
+    return {path.stem: path for path in sorted(PROFILE_FOLDER.glob("*.toml"))}
+
+
+def find_profile(name_or_file: str) -> Profile:
+    """Profile by name, or from a user's TOML file. Raises RefusedError naming the fault and what is known."""
+    path = known_profiles().get(name_or_file)
+    if path is None and not name_or_file.endswith(".toml"):
+        raise RefusedError(
+            "profile-unknown",
+            f"there is no profile {name_or_file!r}.",
+            f"Known are {', '.join(known_profiles())}; or give --profile FILE.toml.",
+        )
+    return read_profile(path or Path(name_or_file))
+
+
+def read_profile(path: Path) -> Profile:
+    """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting."""
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        return Profile.model_validate({"name": path.stem, **content})
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise RefusedError("profile-unreadable", f"profile {path} cannot be read: {error}.") from error
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
+        raise RefusedError(
+            "profile-invalid", f"profile {path}: {faults}.", "See the README for the settings."
+        ) from error

@@ -1,0 +1,111 @@
+"""What the user sees on stderr while images are corrected: a live display on a terminal, plain lines elsewhere."""
+
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+if TYPE_CHECKING:
+    from rich.progress import TaskID
+
+
+class Reporter(Protocol):
+    """Told what happens; called from several threads."""
+
+    def message(self, product: str, step: str, iteration: int, text: str) -> None:
+        """An iteration inside a step (0: the step begins)."""
+
+    def finished(self, product: str, status: str, reason: str | None) -> None:
+        """An image has ended."""
+
+
+class Silent:
+    """Tells nobody."""
+
+    def message(self, product: str, step: str, iteration: int, text: str) -> None:
+        """Nothing."""
+
+    def finished(self, product: str, status: str, reason: str | None) -> None:
+        """Nothing."""
+
+
+class Lines:
+    """One plain line per event, with the seconds since the start."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._start = time.monotonic()
+        self._lock = threading.Lock()
+
+    def message(self, product: str, step: str, iteration: int, text: str) -> None:
+        """`  1.2 s  C0552809300R  point-1  iteration 3: moved 0.04 px`."""
+        self._write(f"{product}  {step}" + (f"  iteration {iteration}: {text}" if iteration or text else ""))
+
+    def finished(self, product: str, status: str, reason: str | None) -> None:
+        """`  3.4 s  C0552809300R  ok`."""
+        self._write(f"{product}  {status}" + (f"  {reason}" if reason else ""))
+
+    def _write(self, text: str) -> None:
+        with self._lock:
+            print(f"{time.monotonic() - self._start:7.1f} s  {text}", file=self._stream, flush=True)
+
+
+class Live:
+    """A bar per image in work, with its step and iteration; finished images become lines above."""
+
+    def __init__(self, total: int, steps: int) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.fields[product]}"), BarColumn(20), TextColumn("{task.description}"))
+        self._progress = Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+        self._steps = steps
+        self._total = total
+        self._done = 0
+        self._rows: dict[str, tuple[TaskID, set[str]]] = {}
+        self._lock = threading.Lock()
+
+    def __enter__(self) -> "Live":
+        self._progress.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._progress.stop()
+
+    def message(self, product: str, step: str, iteration: int, text: str) -> None:
+        """Move the image's bar on when the step is new, and show the iteration."""
+        with self._lock:
+            if product not in self._rows:
+                row = self._progress.add_task("", total=self._steps, product=product)
+                self._rows[product] = (row, set())
+            row, seen = self._rows[product]
+            seen.add(step)
+            detail = f"{step}  {iteration}: {text}" if text else step
+            self._progress.update(row, completed=len(seen) - 1, description=detail)
+
+    def finished(self, product: str, status: str, reason: str | None) -> None:
+        """Replace the bar by a line."""
+        from rich.text import Text
+
+        with self._lock:
+            self._done += 1
+            if product in self._rows:
+                self._progress.remove_task(self._rows.pop(product)[0])
+            count = f"{self._done}/{self._total}  " if self._total > 1 else ""
+            colour = {"ok": "green", "refused": "yellow"}.get(status, "red")
+            line = Text.assemble(f"{count}{product}  ", (status, colour), f"  {reason}" if reason else "")
+            self._progress.console.print(line)
+
+
+@contextmanager
+def reporter(total: int, steps: int, quiet: bool = False) -> Iterator[Reporter]:
+    """The reporter that suits stderr: live on a terminal, lines elsewhere, silent when asked."""
+    if quiet:
+        yield Silent()
+    elif sys.stderr.isatty():
+        with Live(total, steps) as live:
+            yield live
+    else:
+        yield Lines()

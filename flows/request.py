@@ -1,0 +1,99 @@
+"""What is asked for one image, and the inputs that follow from it before any work."""
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.basemap import packaged_map_path
+from catalog.camera import CAMERA_FOLDER, find_camera
+from catalog.digest import sha256_of_file, sha256_of_json
+from catalog.errors import RefusedError
+from catalog.settings import cache_folder, default_kernels
+from catalog.spice import list_kernels
+from catalog.target import TARGET_FOLDER
+from flows.profile import Profile
+
+
+class Request(BaseModel):
+    """One image to correct. camera, target, pose_file, basemap: override what the file says or does not say; None asks
+    the file and the catalog. kernels: files, folders or meta-kernels; None takes those of the environment."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    image: Path
+    store: Path = Path("out")
+    camera: str | None = None
+    target: str | None = None
+    pose_file: Path | None = None
+    basemap: Path | None = None
+    map_left_edge_deg: float = Field(0.0, ge=-360, le=360)
+    kernels: tuple[Path, ...] | None = None
+    profile: Profile = Profile()
+    cache: Path = Field(default_factory=cache_folder)
+
+    @property
+    def product(self) -> str:
+        """Name of the product: the file's, without its suffix."""
+        return self.image.stem
+
+    @property
+    def product_folder(self) -> Path:
+        """Where the product is published."""
+        return self.store / self.product
+
+    @property
+    def kernel_paths(self) -> list[Path]:
+        """The kernels to use."""
+        return list(self.kernels) if self.kernels is not None else default_kernels()
+
+
+def digest_of(path: Path, what: str) -> str:
+    """Content hash of a file that the user named. Raises RefusedError when it cannot be read."""
+    code = what.replace(" ", "-")
+    try:
+        return sha256_of_file(path)
+    except FileNotFoundError as error:
+        raise RefusedError(f"{code}-missing", f"{what} {path} does not exist.", "Check the path.") from error
+    except OSError as error:
+        raise RefusedError(f"{code}-unreadable", f"{what} {path} cannot be read ({error}).", "Give a file.") from error
+
+
+def camera_inputs(request: Request) -> Any:
+    """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
+    if request.camera is not None:
+        return find_camera(request.camera).model_dump(mode="json", exclude_unset=True)
+    return _digest_of_toml(CAMERA_FOLDER)
+
+
+def target_names_digest() -> str:
+    """Content of the catalog's target files, whose spellings labels are compared with."""
+    return _digest_of_toml(TARGET_FOLDER)
+
+
+@cache
+def _digest_of_toml(folder: Path) -> str:
+    return sha256_of_json({path.name: sha256_of_file(path) for path in sorted(folder.glob("*.toml"))})
+
+
+def kernel_inputs(paths: list[Path]) -> list[list[str]]:
+    """Name and content hash of every kernel offered, in the order of loading; of a meta-kernel also its members."""
+    kernels = list_kernels(paths)
+    if any(kernel.kind == "meta" for kernel in kernels):
+        from catalog.spice import kernel_pool
+
+        with kernel_pool(paths) as loaded:
+            kernels = loaded
+    return [[kernel.path.name, kernel.sha256] for kernel in kernels]
+
+
+def basemap_inputs(request: Request, target: dict[str, Any]) -> tuple[dict[str, Any], str | None]:
+    """The base map as inputs, and its file (None: a body without a map, which is rendered uniform)."""
+    if request.basemap is not None:
+        path = request.basemap
+    elif target.get("basemap"):
+        path = packaged_map_path(target["basemap"])
+    else:
+        return {"name": "uniform", "sha256": "uniform", "left_edge_deg": 0.0}, None
+    left_edge_deg = request.map_left_edge_deg if request.basemap else 0.0
+    return {"name": path.name, "sha256": digest_of(path, "base map"), "left_edge_deg": left_edge_deg}, str(path)

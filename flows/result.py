@@ -1,0 +1,81 @@
+"""The result of one image as `--json` prints it: one object, the same keys whatever happened."""
+
+from typing import Any
+
+from catalog.errors import PlanetposeError
+from flows.chain import Chain
+
+EMPTY: dict[str, Any] = {
+    "product": None,
+    "status": None,
+    "reason": None,
+    "camera": None,
+    "target": None,
+    "utc": None,
+    "pose_source": None,
+    "profile": None,
+    "centre_px": None,
+    "offset_px": None,
+    "range_factor": None,
+    "attitude_deg": None,
+    "uncertainty": {"centre_px": None, "offset_px": None, "range_factor": None, "attitude_deg": None},
+    "limb_rms_px": None,
+    "limb_points": None,
+    "similarity": {"before": None, "after": None},
+    "pose": None,
+    "cube": None,
+    "overlay": None,
+    "seconds": {},
+    "cached": [],
+}
+EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
+
+
+def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
+    """The object of a chain that came to its end, or was ended by `error`."""
+    result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
+    result |= verdict(error) | known_before_correction(chain)
+    if error is None:
+        result |= corrected(chain)
+    seconds = {name: record.seconds for name, record in chain.records.items()}
+    return result | {"seconds": seconds, "cached": list(chain.cached)}
+
+
+def verdict(error: Exception | None) -> dict[str, Any]:
+    """status and reason. What is no expected failure is told as what it is: trouble with files, or a bug."""
+    if error is None:
+        return {"status": "ok", "reason": None}
+    if isinstance(error, PlanetposeError):
+        return {"status": error.status, "reason": error.reason}
+    if isinstance(error, OSError):
+        return {"status": "failed", "reason": f"file-trouble: {error}. Check the disk and try again."}
+    return {"status": "failed", "reason": f"bug: {type(error).__name__}: {error}. Please report it with the log."}
+
+
+def known_before_correction(chain: Chain) -> dict[str, Any]:
+    """Camera, target, time and source of the pose, as far as the chain came."""
+    frame, pose = chain.result("ingest"), chain.result("pose")
+    known: dict[str, Any] = {}
+    if frame:
+        known |= {"camera": frame["camera"]["name"], "target": frame["target_name"]}
+    if pose:
+        known |= {"target": pose["target"]["name"], "utc": pose["pose"]["utc"], "pose_source": pose["source"]}
+    return known
+
+
+def corrected(chain: Chain) -> dict[str, Any]:
+    """What the published product says."""
+    published, report = chain.records["publish"].result, chain.records["validate"].result
+    folder = chain.steps["publish"].folder
+    return published["correction"] | {
+        "limb_rms_px": report["limb"]["rms_px"],
+        "limb_points": report["limb"]["points"],
+        "similarity": report["similarity"],
+        "cube": str(folder / published["cube"]),
+        "overlay": str(folder / published["overlay"]),
+    }
+
+
+def exit_status(results: list[dict[str, Any]]) -> int:
+    """0 when every image is ok, else 1."""
+    return EXIT_OK if all(result["status"] == "ok" for result in results) else EXIT_SOME_FAILED

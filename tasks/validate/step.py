@@ -1,0 +1,34 @@
+"""The cached step: validate."""
+
+from typing import Any
+
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.plain import plain
+from tasks.simulate import Scene
+from tasks.stored import load_observation, pose_in, save_arrays, scene_of
+from tasks.validate import ValidateSettings, validate_limb
+from tasks.work import Work
+
+
+def run(work: Work) -> dict[str, Any]:
+    """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one."""
+    observation, scene = load_observation(work.place("undistort")), scene_of(work)
+    settings = ValidateSettings.model_validate(work.inputs["settings"])
+    report = validate_limb(observation, pose_in(work.place("pose")), scene, settings)
+    save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
+    before = similarity_before(observation, pose_in(work.place("predicted")), scene, settings)
+    return {"limb": plain(report.to_dict()), "similarity": {"before": before, "after": plain(report.similarity)}}
+
+
+def similarity_before(observation: Observation, pose: Pose, scene: Scene, settings: ValidateSettings) -> float | None:
+    """Similarity under the predicted pose; None when it puts the target outside the frame."""
+    ny, nx = observation.image.shape
+    try:
+        window = scene.window(pose).clipped((nx, ny))
+    except ValueError:  # behind the camera
+        return None
+    if min(window.shape) < 1:
+        return None
+    similarity: float | None = plain(validate_limb(observation, pose, scene, settings).similarity)
+    return similarity
