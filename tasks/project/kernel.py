@@ -183,8 +183,8 @@ def fill_rows(  # type: ignore[no-untyped-def]
 ):
     """Fill rows[0] to rows[1] of `out` (planes, ny, nx) for pixels at (dx + column, dy + row) from the rays' reference.
 
-    anchor, backward, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. slots: (7,), the index in
-    `out` of latitude, longitude, incidence, emission, phase, range and resolution; -1 for those not asked for.
+    anchor, backward, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. slots: (10,), the index in
+    `out` of each of `planes.KNOWN_PLANES`; -1 for those not asked for.
     """
     columns = out.shape[2]
     spacecraft_radii = spacecraft / radii
@@ -213,3 +213,9 @@ def fill_rows(  # type: ignore[no-untyped-def]
             _range_row(px, py, pz, spacecraft, out[slots[5], row, first:last])
         if slots[6] >= 0:
             _resolution_row(px, py, pz, spacecraft, inverse_radii2, focal_length_px, out[slots[6], row, first:last])
+        if slots[7] >= 0:
+            out[slots[7], row, first:last] = px
+        if slots[8] >= 0:
+            out[slots[8], row, first:last] = py
+        if slots[9] >= 0:
+            out[slots[9], row, first:last] = pz

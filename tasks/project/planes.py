@@ -18,6 +18,8 @@ Window = tuple[int, int, int, int]
 
 PLANES = ("latitude", "longitude", "incidence", "emission", "phase", "range_km", "resolution_km")
 ANGLES = PLANES[:5]
+POINT = ("x_km", "y_km", "z_km")  # the surface point, body-fixed
+KNOWN_PLANES = PLANES + POINT
 ROWS_PER_BLOCK = 32
 
 
@@ -28,7 +30,8 @@ class Planes:
     window: (x0, y0, x1, y1), the half-open range of undistorted pixels. latitude (planetocentric), longitude (east,
     [0, 360)), incidence, emission (from the ellipsoid's normal) and phase in degrees. range_km: spacecraft to surface
     point. resolution_km: the longer side of a pixel's footprint, range / focal_length_px / cos(emission), as ISIS'
-    oblique pixel resolution. A plane that was not asked for is a KeyError.
+    oblique pixel resolution. x_km, y_km, z_km, on request: the surface point, body-fixed. A plane that was not asked
+    for is a KeyError.
     """
 
     window: Window
@@ -91,7 +94,8 @@ def full_window(camera: Camera) -> Window:
 def project_planes(
     pose: Pose, camera: Camera, target: Target, window: Window | None = None, planes: Sequence[str] = PLANES
 ) -> Planes:
-    """Project the pixels of `window` (default: the undistorted frame) onto the target's ellipsoid.
+    """Project the pixels of `window` (default: the undistorted frame) onto the target's ellipsoid; `planes` are some of
+    KNOWN_PLANES.
 
     Paper, section 6 (with 1/r^2 on the quadric's diagonal), in closed form. The Sun is a point at its finite distance.
     For one fixed geometry this is SPICE's SINCPT, ILUMIN and RECLAT to 1e-9 deg (`flows/benchmark.py` measures it).
@@ -103,9 +107,11 @@ def project_planes(
     Raises RefusedError when the pose puts spacecraft or Sun inside the target; ValueError for an unknown plane or an
     empty window.
     """
-    unknown = set(planes) - set(PLANES)
+    unknown = set(planes) - set(KNOWN_PLANES)
     if unknown or not planes:
-        raise ValueError(f"unknown planes {sorted(unknown)}; known are {', '.join(PLANES)}, and at least one is needed")
+        raise ValueError(
+            f"unknown planes {sorted(unknown)}; known are {', '.join(KNOWN_PLANES)}, and at least one is needed"
+        )
     window = window or full_window(camera)
     x0, y0, x1, y1 = window
     if x1 <= x0 or y1 <= y0:
@@ -120,7 +126,7 @@ def _fill(pose: Pose, camera: Camera, target: Target, window: Window, planes: Se
 
     rays, radii = rays_of(pose, camera, target), np.array(target.radii_km)
     sun_km = sun_in_radii(pose, target) * radii
-    slots = np.array([planes.index(name) if name in planes else -1 for name in PLANES])
+    slots = np.array([planes.index(name) if name in planes else -1 for name in KNOWN_PLANES])
     geometry = (np.ascontiguousarray(a) for a in (rays.anchor, rays.backward, rays.limb_conic))
     fixed = (*geometry, radii, np.array(pose.spacecraft_in_body_km), sun_km, float(camera.focal_length_px))
     ny = out.shape[1]

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.project.points import body_points
-from tasks.project.rays import dot
 
 Array = NDArray[np.float64]
 
@@ -51,46 +49,54 @@ def _checked(name: str, value: ArrayLike) -> Array:
 
 
 def coordinate_sigmas(
-    pose: Pose, camera: Camera, target: Target, uncertainty: PoseUncertainty, xy_px: ArrayLike
+    pose: Pose, camera: Camera, target: Target, uncertainty: PoseUncertainty, points_km: ArrayLike
 ) -> tuple[Array, Array]:
-    """1-sigma of latitude and longitude (...), degrees, at pixels (..., 2); NaN off the body.
+    """1-sigma of latitude and longitude (n,), degrees, where the surface points (3, n) km, body-fixed, are seen.
 
     Linear: sqrt(J C J^T) with `coordinate_jacobian`, so it grows without limit towards the limb (and longitude's
     towards the poles), where it is cut at 90 and 180 degrees.
     """
-    latitude, longitude = coordinate_jacobian(pose, camera, target, xy_px)
     half = _square_root(uncertainty.covariance)
-    sigmas = [np.sqrt(np.sum((j @ half) ** 2, axis=-1)) for j in (latitude, longitude)]
-    return np.minimum(sigmas[0], MAX_LATITUDE_SIGMA_DEG), np.minimum(sigmas[1], MAX_LONGITUDE_SIGMA_DEG)
+    latitude, longitude = (
+        np.sqrt(np.sum((half.T @ jacobian) ** 2, axis=0))
+        for jacobian in coordinate_jacobian(pose, camera, target, points_km)
+    )
+    return np.minimum(latitude, MAX_LATITUDE_SIGMA_DEG), np.minimum(longitude, MAX_LONGITUDE_SIGMA_DEG)
 
 
-def coordinate_jacobian(pose: Pose, camera: Camera, target: Target, xy_px: ArrayLike) -> tuple[Array, Array]:
-    """Derivatives (..., 6) of latitude and longitude, degrees, by PARAMETERS, at pixels (..., 2); NaN off the body.
+def coordinate_jacobian(pose: Pose, camera: Camera, target: Target, points_km: ArrayLike) -> tuple[Array, Array]:
+    """Derivatives (6, n) of latitude and longitude, degrees, by PARAMETERS, in the pixels that see the surface points
+    (3, n) km, body-fixed.
 
     The point P = S + t d stays on its line of sight and on the ellipsoid: with u what S + t d would do if t were
     fixed, dP = u - d (n . u) / (n . d), n the normal. An offset moves d, a range factor S, a turn of the body both.
     """
-    points = body_points(pose, camera, target, xy_px)
-    spacecraft, radii = pose.spacecraft_in_body_km, np.asarray(target.radii_km)
+    points = np.asarray(points_km, dtype=np.float64)
+    spacecraft, radii2 = pose.spacecraft_in_body_km, np.asarray(target.radii_km) ** 2
     body_from_camera = pose.camera_from_body.T
-    sight, normal = points - spacecraft, points / radii**2
-    shift = -(sight @ body_from_camera[:, 2])[..., None] / camera.focal_length_px
-    jacobians = []
-    for gradient in _coordinate_gradients(points):
-        along = gradient - normal * (dot(gradient, sight) / dot(normal, sight))
-        offset = np.degrees(along @ body_from_camera[:, :2] * shift)
-        factor = np.degrees(along @ spacecraft)[..., None]
-        turn = np.cross(along, points)
-        jacobians.append(np.concatenate([offset, factor, turn], axis=-1))
-    return jacobians[0], jacobians[1]
+    sight, normal = points - spacecraft[:, None], points / radii2[:, None]
+    shift = (body_from_camera[:, 2] @ sight) * (-1.0 / camera.focal_length_px)
+    normal /= _dot(normal, sight)
+    latitude, longitude = (gradient - normal * _dot(gradient, sight) for gradient in _coordinate_gradients(points))
+
+    def by_parameters(along: Array) -> Array:
+        offset = body_from_camera[:, :2].T @ along * shift
+        turn = np.radians(np.cross(along, points, axis=0))
+        return np.degrees(np.vstack([offset, spacecraft @ along, turn]))
+
+    return by_parameters(latitude), by_parameters(longitude)
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.einsum("in,in->n", a, b)
 
 
 def _coordinate_gradients(points: Array) -> tuple[Array, Array]:
-    """Gradients (..., 3) of planetocentric latitude and of longitude, radians per km."""
-    x, y, z = np.moveaxis(points, -1, 0)
+    """Gradients (3, n) of planetocentric latitude and of longitude, radians per km."""
+    x, y, z = points
     rho = np.maximum(np.hypot(x, y), 1e-9)
-    latitude = np.stack([-z * x / rho, -z * y / rho, rho], axis=-1) / dot(points, points)
-    longitude = np.stack([-y, x, np.zeros_like(x)], axis=-1) / (rho**2)[..., None]
+    latitude = np.stack([-z * x / rho, -z * y / rho, rho]) / _dot(points, points)
+    longitude = np.stack([-y, x, np.zeros_like(x)]) / rho**2
     return latitude, longitude
 
 

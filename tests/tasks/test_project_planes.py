@@ -13,7 +13,8 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.kernel import _atan2_deg
-from tasks.project.planes import ANGLES, PLANES, project_planes
+from tasks.project.planes import ANGLES, PLANES, POINT, project_planes
+from tasks.project.points import body_points
 from tasks.project.reference import project_planes_with_numpy
 
 CAMERA = Camera(name="test", size_px=(90, 70), centre_px=(44.2, 35.9), focal_length_px=5e4)
@@ -127,6 +128,9 @@ def test_only_the_planes_asked_for_are_computed():
     assert set(some.planes) == {"phase", "latitude"}
     assert np.array_equal(some.phase, everything.phase, equal_nan=True)
     assert np.array_equal(some.latitude, everything.latitude, equal_nan=True)
+    points = np.stack(list(project_planes(pose, CAMERA, TRIAXIAL, planes=POINT).planes.values()), axis=-1)
+    xy = np.stack(np.meshgrid(np.arange(90), np.arange(70)), axis=-1)
+    assert np.allclose(points, body_points(pose, CAMERA, TRIAXIAL, xy), atol=1e-7, equal_nan=True)
     with pytest.raises(KeyError):
         _ = some.incidence
 
@@ -153,4 +157,4 @@ def test_several_threads_may_project_at_once():
 def test_the_branch_free_arc_tangent_is_exact(y, x):
     if max(abs(y), abs(x)) < 1e-200:
         return
-    assert _atan2_deg(y, x) == pytest.approx(np.degrees(np.arctan2(y, x + 0.0)), abs=1e-13)
+    assert _atan2_deg(y, x) == pytest.approx(np.degrees(np.arctan2(y + 0.0, x + 0.0)), abs=1e-13)

@@ -35,7 +35,11 @@ def grid_on_disk(pose, fraction=0.95):
     radius = 1500 / pose.range_km * CAMERA.focal_length_px
     angle, r = np.meshgrid(np.linspace(0, 2 * np.pi, 25), np.linspace(0, fraction, 8))
     centre = CAMERA.project(pose.target_in_camera_km)
-    return centre + radius * (r[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
+    return (centre + radius * (r[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1))).reshape(-1, 2)
+
+
+def points_at(pose, xy):
+    return body_points(pose, CAMERA, BODY, xy).T
 
 
 @given(st.tuples(*[st.floats(-180, 180)] * 3))
@@ -43,7 +47,7 @@ def grid_on_disk(pose, fraction=0.95):
 def test_the_jacobian_is_what_disturbed_projections_show(turn):
     pose = pose_of(turn)
     xy = grid_on_disk(pose, 0.8)
-    jacobian = coordinate_jacobian(pose, CAMERA, BODY, xy)
+    jacobian = coordinate_jacobian(pose, CAMERA, BODY, points_at(pose, xy))
     latitude, _ = latitude_longitude(body_points(pose, CAMERA, BODY, xy))
     away_from_poles = np.abs(latitude) < 80
     for i, name in enumerate(PARAMETERS):
@@ -53,7 +57,7 @@ def test_the_jacobian_is_what_disturbed_projections_show(turn):
         for analytic, p, m in zip(jacobian, plus, minus, strict=True):
             numeric = ((p - m + 180) % 360 - 180) / (2 * step[i])
             scale = max(1e-6, np.abs(numeric[away_from_poles]).max())
-            assert np.abs(analytic[..., i] - numeric)[away_from_poles].max() < 1e-4 * scale, name
+            assert np.abs(analytic[i] - numeric)[away_from_poles].max() < 1e-4 * scale, name
 
 
 def test_sigmas_are_the_scatter_of_random_poses():
@@ -61,7 +65,7 @@ def test_sigmas_are_the_scatter_of_random_poses():
     xy = grid_on_disk(pose)
     sigmas = {"offset_px": [0.2, 0.1], "range_factor": 5e-4, "attitude_deg": [0.05, 0.02, 0.08]}
     uncertainty = PoseUncertainty.from_sigmas(sigmas)
-    found = coordinate_sigmas(pose, CAMERA, BODY, uncertainty, xy)
+    found = coordinate_sigmas(pose, CAMERA, BODY, uncertainty, points_at(pose, xy))
     steps = np.random.default_rng(3).normal(size=(1500, 6)) * np.sqrt(np.diag(uncertainty.covariance))
     base = coordinates(pose, xy, np.zeros(6))
     samples = np.array([coordinates(pose, xy, step) for step in steps]) - np.array(base)
@@ -77,10 +81,10 @@ def test_correlations_count():
     xy = grid_on_disk(pose, 0.3)
     covariance = np.zeros((6, 6))
     covariance[:2, :2] = 1.0
-    together = coordinate_sigmas(pose, CAMERA, BODY, PoseUncertainty(covariance), xy)
-    latitude, longitude = coordinate_jacobian(pose, CAMERA, BODY, xy)
-    assert np.allclose(together[0], np.abs(latitude[..., :2].sum(axis=-1)), atol=1e-7)
-    assert np.allclose(together[1], np.abs(longitude[..., :2].sum(axis=-1)), atol=1e-7)
+    together = coordinate_sigmas(pose, CAMERA, BODY, PoseUncertainty(covariance), points_at(pose, xy))
+    latitude, longitude = coordinate_jacobian(pose, CAMERA, BODY, points_at(pose, xy))
+    assert np.allclose(together[0], np.abs(latitude[:2].sum(axis=0)), atol=1e-7)
+    assert np.allclose(together[1], np.abs(longitude[:2].sum(axis=0)), atol=1e-7)
 
 
 def test_unknown_parts_are_listed_and_wrong_ones_refused():
@@ -92,16 +96,15 @@ def test_unknown_parts_are_listed_and_wrong_ones_refused():
         PoseUncertainty(np.zeros((3, 3)))
 
 
-def test_near_the_limb_the_uncertainty_is_large_but_finite_and_off_the_body_there_is_none():
+def test_near_the_limb_the_uncertainty_is_large_but_finite():
     pose = pose_of()
     uncertainty = PoseUncertainty.from_sigmas({"offset_px": [0.5, 0.5], "range_factor": 0, "attitude_deg": [0, 0, 0]})
     centre = CAMERA.project(pose.target_in_camera_km)
-    latitude, longitude = coordinate_sigmas(pose, CAMERA, BODY, uncertainty, np.stack([centre, centre + 390]))
-    assert np.isfinite([latitude[0], longitude[0]]).all()
-    assert np.isnan([latitude[1], longitude[1]]).all()
     edge = centre + (limb_points(pose, CAMERA, BODY, 90) - centre) * (1 - 1e-9)
-    at_edge = np.stack(coordinate_sigmas(pose, CAMERA, BODY, uncertainty, edge))
+    at_centre, at_edge = (
+        np.stack(coordinate_sigmas(pose, CAMERA, BODY, uncertainty, points_at(pose, xy))) for xy in ([centre], edge)
+    )
     assert np.isfinite(at_edge).all()
-    assert np.median(at_edge[0]) > 100 * latitude[0]
+    assert np.median(at_edge[0]) > 100 * at_centre[0]
     assert (at_edge[0] <= 90).all()
     assert (at_edge[1] <= 180).all()
