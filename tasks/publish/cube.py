@@ -1,0 +1,143 @@
+"""The geometry cube: an xarray Dataset with CF attributes, and its Zarr v3 group."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalog.target import Target
+from catalog.times import now_utc, utc_from_et
+from tasks.publish.planes import cube_arrays
+from tasks.publish.publication import Publication
+from tasks.publish.variables import BY_NAME, COORDINATES, FLAGS, GRID_MAPPING, VARIABLES, cube_faults
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+CONVENTIONS = "CF-1.11"
+DIMENSIONS = ("y", "x")
+ZSTD_LEVEL = 3
+
+
+def cube_dataset(publication: Publication) -> "xr.Dataset":
+    """The cube of one image. Raises ValueError, listing every fault, when it departs from `variables.VARIABLES`."""
+    import xarray as xr
+
+    arrays = cube_arrays(publication)
+    planes = {v.name: (DIMENSIONS, arrays[v.name], _attributes(v.name, publication)) for v in VARIABLES}
+    ny, nx = publication.observation.image.shape
+    pixels = {
+        "x": ("x", np.arange(nx, dtype=np.int32), _pixel_attributes("sample", "to the right")),
+        "y": ("y", np.arange(ny, dtype=np.int32), _pixel_attributes("line", "downwards")),
+    }
+    coordinates = pixels | {name: planes.pop(name) for name in COORDINATES}
+    crs = {GRID_MAPPING: ((), np.int32(0), crs_attributes(publication.target))}
+    cube = xr.Dataset(planes | crs, coordinates, global_attributes(publication))
+    faults = cube_faults(cube)
+    if faults:
+        raise ValueError(f"the cube of {publication.product} is not as it should be: {'; '.join(faults)}")
+    return cube
+
+
+def write_cube(cube: "xr.Dataset", path: Path) -> None:
+    """Write a Zarr v3 group: one chunk per array, Blosc zstd with byte shuffle, no consolidated metadata."""
+    from zarr.codecs import BloscCodec
+
+    compressor = BloscCodec(cname="zstd", clevel=ZSTD_LEVEL, shuffle="shuffle")
+    encoding: dict[str, dict[str, Any]] = {
+        name: {"chunks": cube[name].shape, "compressors": [compressor]} for name in BY_NAME
+    }
+    encoding["quality"]["_FillValue"] = None
+    cube.to_zarr(path, mode="w-", zarr_format=3, consolidated=False, encoding=encoding)
+
+
+def open_cube(path: Path) -> "xr.Dataset":
+    """Open a cube lazily."""
+    import xarray as xr
+
+    return xr.open_zarr(path, consolidated=False)
+
+
+def _pixel_attributes(name: str, direction: str) -> dict[str, str]:
+    return {
+        "long_name": f"{name} of the undistorted frame",
+        "units": "1",
+        "comment": f"0-based, integer at the pixel's centre, growing {direction}",
+    }
+
+
+def _attributes(name: str, publication: Publication) -> dict[str, Any]:
+    attributes = {**BY_NAME[name].attributes, "grid_mapping": GRID_MAPPING}
+    if name == "quality":
+        attributes["flag_masks"] = [int(flag) for flag in FLAGS]
+        attributes["flag_meanings"] = " ".join(str(flag.name).lower() for flag in FLAGS)
+    if name.endswith("_uncertainty") and publication.uncertainty.not_included:
+        attributes["not_included"] = " ".join(publication.uncertainty.not_included)
+    return attributes
+
+
+def crs_attributes(target: Target) -> dict[str, Any]:
+    """CF grid mapping of planetocentric coordinates: the IAU_2015 code where the body has one, and the triaxial radii
+    that the planes were projected on, which IAU codes and CF cannot express."""
+    from pyproj import CRS
+
+    if target.iau_crs:
+        attributes = {**CRS.from_user_input(target.iau_crs).to_cf(), "iau_code": target.iau_crs}
+    else:
+        mean_m = target.mean_radius_km * 1e3
+        attributes = {
+            "grid_mapping_name": "latitude_longitude",
+            "semi_major_axis": mean_m,
+            "inverse_flattening": 0.0,
+            "longitude_of_prime_meridian": 0.0,
+        }
+    return {
+        **attributes,
+        "long_name": f"body-fixed planetocentric coordinates of {target.name}",
+        "triaxial_radii_km": list(target.radii_km),
+        "naif_id": target.naif_id,
+        "naif_frame": target.body_frame,
+        "comment": "latitude and longitude of points on the triaxial ellipsoid, seen from the body's centre",
+    }
+
+
+def global_attributes(publication: Publication) -> dict[str, Any]:
+    """Who, when, what, and the full provenance; nested values as JSON text, for netCDF's sake."""
+    p = publication
+    source = f"planetpose {software_version()}"
+    nested = {
+        "pose_before": p.pose_before.to_dict(),
+        "pose_after": p.pose_after.to_dict(),
+        "uncertainty": {
+            **{key: p.result.get("uncertainty", {}).get(key) for key in ("offset_px", "range_factor", "attitude_deg")},
+            "covariance": p.uncertainty.covariance.tolist(),
+        },
+        "camera_model": p.camera.model_dump(mode="json", exclude_defaults=True),
+        "target_model": p.target.model_dump(mode="json", exclude_defaults=True),
+        "settings": p.settings,
+        "provenance": p.provenance,
+    }
+    return {
+        "Conventions": CONVENTIONS,
+        "title": f"Geometry of {p.product}: {p.target.name} seen by {p.camera.name}",
+        "source": source,
+        "history": f"{now_utc()} written by {source}",
+        "references": "Belgacem et al. 2020, Planetary and Space Science",
+        "product": p.product,
+        "camera": p.camera.name,
+        "target": p.target.name,
+        "utc": utc_from_et(p.pose_after.et),
+        "et": float(p.pose_after.et),
+        **{key: json.dumps(value, allow_nan=False) for key, value in nested.items()},
+    }
+
+
+def software_version() -> str:
+    """Version of the installed package."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    try:
+        return version("planetpose")
+    except PackageNotFoundError:
+        return "unknown"

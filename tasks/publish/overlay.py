@@ -1,0 +1,127 @@
+"""The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator."""
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.target import Target
+from tasks.project.curves import Curve, graticule, limb, terminator
+from tasks.project.points import latitude_longitude
+from tasks.publish.framing import Box, box_of, close_up, union
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Okabe and Ito's colours, told apart by colour-blind eyes; line styles differ too.
+PREDICTED: dict[str, Any] = {"color": "#E69F00", "linestyle": (0, (6, 4)), "linewidth": 1.6}
+CORRECTED: dict[str, Any] = {"color": "#56B4E9", "linestyle": "-", "linewidth": 1.6}
+TERMINATOR: dict[str, Any] = {"color": "#F0E442", "linestyle": (0, (1, 1.6)), "linewidth": 1.8}
+GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "alpha": 0.45}
+GRID_STEP_DEG = 30.0
+DPI = 110
+SIDE_INCHES = 8.0
+
+_MATPLOTLIB_LOCK = threading.Lock()  # its font machinery is not made for threads
+
+
+def draw_overlay(
+    image: NDArray[np.float32],
+    pose_before: Pose,
+    pose_after: Pose,
+    camera: Camera,
+    target: Target,
+    path: Path,
+    title: str = "",
+) -> Path:
+    """Write the overlay of an undistorted image (ny, nx) as PNG and return its path.
+
+    The picture is cut to the target; when the predicted limb lies far from the corrected one, a second panel shows the
+    whole frame with both.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    before, after = limb(pose_before, camera, target), limb(pose_after, camera, target)
+    frame = Box(-0.5, -0.5, camera.size_px[0] - 0.5, camera.size_px[1] - 0.5)
+    box, far_apart = close_up(box_of(before.xy_px), box_of(after.xy_px), frame)
+    with _MATPLOTLIB_LOCK:
+        figure = Figure(figsize=_figure_inches(box, far_apart), dpi=DPI, layout="constrained")
+        FigureCanvasAgg(figure)
+        panels = figure.subplots(1, 2 if far_apart else 1, width_ratios=(3, 2) if far_apart else (1,), squeeze=False)[0]
+        shown = stretched(image)
+        _draw_body(panels[0], shown, box, pose_after, camera, target)
+        _draw_limbs(panels[0], before, after)
+        if far_apart:
+            _show(panels[1], shown, union(frame, box_of(before.xy_px), box_of(after.xy_px)))
+            _draw_limbs(panels[1], before, after)
+            panels[1].set_title("whole frame", fontsize=9)
+        figure.suptitle(title, fontsize=10)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(
+            handles, labels, loc="outside lower center", ncols=4, fontsize=9, facecolor="#333333", labelcolor="white"
+        )
+        figure.savefig(path, format="png")
+    return Path(path)
+
+
+def stretched(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Grey values 0-1 that show dark and bright parts at once: from sky to the 99.8th percentile, square root."""
+    finite = image[np.isfinite(image)]
+    if not finite.size:
+        return np.zeros_like(image)
+    low, high = np.percentile(finite, [2.0, 99.8])
+    scale = max(float(high - low), 1e-30)
+    return np.sqrt(np.clip((np.nan_to_num(image, nan=low) - low) / scale, 0.0, 1.0)).astype(np.float32)
+
+
+def _figure_inches(box: Box, far_apart: bool) -> tuple[float, float]:
+    height = float(np.clip(SIDE_INCHES * box.height / box.width, 4.0, 11.0))
+    return SIDE_INCHES * (5 / 3 if far_apart else 1.0), height + 1.0
+
+
+def _show(axes: "Axes", shown: NDArray[np.float32], box: Box) -> None:
+    axes.imshow(shown, cmap="gray", vmin=0, vmax=1, origin="upper")
+    axes.set_facecolor("#202020")
+    axes.set_xlim(box.x0, box.x1)
+    axes.set_ylim(box.y1, box.y0)
+    axes.set_xlabel("x (px)", fontsize=8)
+    axes.set_ylabel("y (px)", fontsize=8)
+    axes.tick_params(labelsize=8)
+
+
+def _draw_body(axes: "Axes", shown: NDArray[np.float32], box: Box, pose: Pose, camera: Camera, target: Target) -> None:
+    _show(axes, shown, box)
+    for line in graticule(pose, camera, target, GRID_STEP_DEG):
+        axes.plot(*line.visible_xy_px.T, **GRID)
+    _label_grid(axes, pose, camera, target)
+    axes.plot(*terminator(pose, camera, target).visible_xy_px.T, label="terminator", **TERMINATOR)
+
+
+def _label_grid(axes: "Axes", pose: Pose, camera: Camera, target: Target) -> None:
+    """Latitudes along the meridian, longitudes along the parallel nearest to the disk's centre."""
+    latitude, longitude = (float(v) for v in latitude_longitude(pose.spacecraft_in_body_km))
+    here_lat = float(np.clip(GRID_STEP_DEG * round(latitude / GRID_STEP_DEG), -60, 60))
+    here_lon = GRID_STEP_DEG * round(longitude / GRID_STEP_DEG) % 360
+    for line in graticule(pose, camera, target, GRID_STEP_DEG, n=181):
+        kind, value = line.name.split()
+        lat, lon = latitude_longitude(line.points_km)
+        along = np.abs(lon - here_lon) if kind == "latitude" else np.abs(lat - here_lat)
+        at = int(np.argmin(along))
+        if line.visible[at] and np.isfinite(line.xy_px[at]).all():
+            text = f"{float(value):g}N" if kind == "latitude" else f"{float(value):g}E"
+            axes.annotate(
+                text.replace("-", "").replace("N", "S") if text.startswith("-") else text,
+                line.xy_px[at], xytext=(2, 2), textcoords="offset points",
+                fontsize=7, color="white", alpha=0.8, annotation_clip=True,
+            )  # fmt: skip
+
+
+def _draw_limbs(axes: "Axes", before: Curve, after: Curve) -> None:
+    for curve, style, label in ((before, PREDICTED, "predicted limb"), (after, CORRECTED, "corrected limb")):
+        x, y = np.vstack([curve.xy_px, curve.xy_px[:1]]).T
+        axes.plot(x, y, label=label, **style)
