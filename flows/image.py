@@ -9,8 +9,10 @@ from catalog.digest import sha256_of_json
 from catalog.errors import FailedError
 from flows.chain import Chain
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
+from flows.result import result_of
 
 CORRECTIONS = ("point", "range", "attitude")
+STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
 
 
 def correct_image(chain: Chain) -> None:
@@ -135,6 +137,20 @@ def believe(chain: Chain, report: dict[str, Any]) -> None:
         )
 
 
-def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:
+def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> None:
     """Project every pixel and write the product into the store."""
-    raise NotImplementedError
+    request = chain.request
+    inputs = scene | {
+        "product": request.product,
+        "validate": chain.key("validate"),
+        "pose": pose_inputs(chain, latest),
+        "predicted": pose_inputs(chain, "pose"),
+        "profile": request.profile.resolved(),
+    }
+    places = basemap | {
+        "pose": chain.folder(latest),
+        "predicted": chain.folder("pose"),
+        "steps": {name: chain.folder(name) for name in chain.records},
+        "result": result_of(chain),
+    }
+    chain.do("publish", "tasks.publish.step", inputs, places, request.product_folder)

@@ -35,7 +35,7 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
     result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
     result |= verdict(error) | known_before_correction(chain)
-    if error is None:
+    if "publish" in chain.records:
         result |= corrected(chain)
     seconds = {name: record.seconds for name, record in chain.records.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}

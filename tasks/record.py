@@ -37,10 +37,15 @@ class Record:
     written: str
 
 
+def record_in(folder: Path) -> Record:
+    """The record in `folder`. Raises OSError, ValueError or TypeError when there is none, or none that is whole."""
+    return Record(**json.loads((folder / RECORD_FILE).read_text(encoding="utf-8")))
+
+
 def read_record(folder: Path, key: str) -> Record | None:
     """The record in `folder` if it is whole and carries `key`, else None."""
     try:
-        record = Record(**json.loads((folder / RECORD_FILE).read_text(encoding="utf-8")))
+        record = record_in(folder)
     except (OSError, ValueError, TypeError):
         return None
     return record if record.key == key else None

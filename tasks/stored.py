@@ -3,7 +3,6 @@
 The last few objects are kept in memory, so that the steps of one image that run in one process load them once.
 """
 
-import json
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from catalog.observation import Frame, Observation
 from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.target import Target
+from tasks.record import record_in
 from tasks.simulate import Scene, SceneSettings
 from tasks.work import Work
 
@@ -58,11 +58,6 @@ def load_observation(folder: Path) -> Observation:
     return Observation(**arrays)
 
 
-def result_in(folder: Path) -> dict[str, Any]:
-    """The result of the step whose record is in `folder`."""
-    return dict(json.loads((folder / "record.json").read_text(encoding="utf-8"))["result"])
-
-
 def frame_of(work: Work) -> Frame:
     """The image file of the work, read with the user's camera and target."""
     return _frame(work.place("image"), work.inputs["image"], work.places.get("camera"), work.inputs.get("target_name"))
@@ -101,4 +96,4 @@ def _basemap(path: str | None, sha256: str, left_edge_deg: float) -> BaseMap:  #
 
 def pose_in(folder: Path) -> Pose:
     """The pose that the step in `folder` ended with."""
-    return Pose.from_dict(result_in(folder)["pose"])
+    return Pose.from_dict(record_in(folder).result["pose"])

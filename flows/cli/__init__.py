@@ -1,0 +1,38 @@
+"""The command line `planetpose`. A command is a module of this package that has `register(app)`; it imports what is
+heavy inside its functions, so that `planetpose --help` and cached answers come at once."""
+
+import pkgutil
+import sys
+from importlib import import_module
+
+import typer
+
+USAGE_ERROR = 2
+
+
+def build_app() -> typer.Typer:
+    """The application with every command of this package."""
+    app = typer.Typer(
+        name="planetpose",
+        help="Precise geometry of disk-resolved spacecraft images.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+    for module in sorted(pkgutil.iter_modules(__path__), key=lambda found: found.name):
+        command = import_module(f"{__name__}.{module.name}")
+        if hasattr(command, "register"):
+            command.register(app)
+    return app
+
+
+def main() -> None:
+    """Entry point. Exit status: 0 all ok, 1 some image failed or was refused, 2 wrong usage."""
+    from catalog.errors import PlanetposeError
+
+    try:
+        build_app()()
+    except PlanetposeError as error:
+        print(f"planetpose: {error.reason}", file=sys.stderr)
+        sys.exit(1)

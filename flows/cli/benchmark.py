@@ -1,0 +1,30 @@
+"""planetpose benchmark projection"""
+
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
+    group.callback()(lambda: None)
+    group.command()(projection)
+    app.add_typer(group, name="benchmark")
+
+
+def projection(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
+) -> None:
+    """Time five planes of a frame against plain numpy and a SPICE loop, and compare the angles."""
+    from flows.benchmark import benchmark_projection
+    from flows.cli.output import clean_stdout, write_json
+
+    with clean_stdout() as answer:
+        figures = benchmark_projection(size)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)

@@ -1,0 +1,49 @@
+"""planetpose cache size|clear"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Cached results of steps.", no_args_is_help=True)
+    group.command()(size)
+    group.command()(clear)
+    app.add_typer(group, name="cache")
+
+
+def size() -> None:
+    """Print the cache's folder, and bytes and results per step."""
+    from catalog.settings import cache_folder
+    from tasks.record import size_bytes
+
+    folder = cache_folder()
+    print(folder)
+    for step in step_folders(folder):
+        count = sum(1 for _ in step.glob("*/*/record.json"))
+        print(f"{step.name:12s} {count:8d} results {size_bytes(step) / 1e6:10.1f} MB")
+
+
+def clear(
+    step: Annotated[str | None, typer.Option(help="Only this step (point, range ...).")] = None,
+) -> None:
+    """Delete cached results; they are computed again when they are needed. Published products stay."""
+    import shutil
+
+    from catalog.settings import cache_folder
+
+    found = [folder for folder in step_folders(cache_folder()) if step in (None, folder.name)]
+    if step is not None and not found:
+        raise typer.BadParameter(f"there is no cached step {step!r}", param_hint="--step")
+    for folder in found:
+        shutil.rmtree(folder, ignore_errors=True)
+        print(f"deleted {folder}")
+
+
+def step_folders(folder: Path) -> list[Path]:
+    """The folders of steps in the cache; nothing else in there is touched."""
+    from flows.image import STEP_KINDS
+
+    return [folder / kind for kind in STEP_KINDS if (folder / kind).is_dir()]

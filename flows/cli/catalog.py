@@ -1,0 +1,62 @@
+"""planetpose cameras, targets, profiles: what the catalog knows."""
+
+from typing import Annotated
+
+import typer
+
+AsJson = Annotated[bool, typer.Option("--json", help="As one JSON object.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    app.command()(cameras)
+    app.command()(targets)
+    app.command()(profiles)
+
+
+def cameras(json: AsJson = False) -> None:
+    """List the known cameras."""
+    from catalog.camera import known_cameras
+
+    known = known_cameras()
+    if json:
+        _print_json({name: camera.model_dump(mode="json") for name, camera in known.items()})
+        return
+    for name, camera in known.items():
+        nx, ny = camera.size_px
+        print(
+            f"{name:20s} {nx}x{ny}  f = {camera.focal_length_px:.1f} px  {camera.distortion.model:12s} {camera.title}"
+        )
+
+
+def targets(json: AsJson = False) -> None:
+    """List the known targets; any body of a loaded PCK can be used too."""
+    from catalog.target import known_targets
+
+    known = known_targets()
+    if json:
+        _print_json({name: target.model_dump(mode="json") for name, target in known.items()})
+        return
+    for name, target in known.items():
+        radii = " x ".join(f"{radius:g}" for radius in target.radii_km)
+        print(f"{name:12s} {target.naif_id:5d}  {radii:28s} km  map: {target.basemap or 'none'}")
+
+
+def profiles(json: AsJson = False) -> None:
+    """List the profiles with every setting that they resolve to."""
+    import json as json_module
+
+    from flows.profile import find_profile, known_profiles
+
+    resolved = {name: find_profile(name).resolved() for name in known_profiles()}
+    if json:
+        _print_json(resolved)
+        return
+    for settings in resolved.values():
+        print(json_module.dumps(settings, indent=1))
+
+
+def _print_json(content: object) -> None:
+    import json
+
+    print(json.dumps(content))

@@ -1,0 +1,98 @@
+"""planetpose correct FILE..."""
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from flows.profile import Profile
+
+Files = Annotated[list[Path], typer.Argument(help="Image files.", show_default=False)]
+Text = str | None
+File = Path | None
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(correct)
+
+
+def correct(
+    files: Files,
+    store: Annotated[Path, typer.Option(help="Folder that products are published in.")] = Path("out"),
+    json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
+    camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
+    target: Annotated[Text, typer.Option(help="Target name; overrides the label.")] = None,
+    pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
+    map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body.")] = None,
+    map_left_edge_deg: Annotated[float, typer.Option(help="East longitude of the map's left edge.")] = 0.0,
+    kernels: Annotated[
+        list[Path] | None, typer.Option(help="SPICE kernel, meta-kernel or folder; repeat for more.")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
+    max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
+    server: Annotated[Text, typer.Option(help="Prefect server: local, embedded, or the URL of an API.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
+) -> None:
+    """Correct the geometry of images and publish cubes."""
+    from flows.cli.output import clean_stdout, log_to_stderr, write_json
+    from flows.prefect_settings import server_choice
+    from flows.progress import reporter
+    from flows.request import Request
+    from flows.result import exit_status
+    from flows.run import run_requests
+
+    chosen = usable_profile(profile, max_passes)
+    requests = [
+        Request(
+            image=file,
+            store=store,
+            camera=camera,
+            target=target,
+            pose_file=pose,
+            basemap=map,
+            map_left_edge_deg=map_left_edge_deg,
+            kernels=tuple(kernels) if kernels else None,
+            profile=chosen,
+        )
+        for file in files
+    ]
+    log_to_stderr()
+    with clean_stdout() as answer, reporter(len(files), chosen.passes * 3 + 5, quiet) as told:
+        at_a_time = workers or min(len(files), os.cpu_count() or 1)
+        results = run_requests(
+            requests,
+            server_choice(server),
+            at_a_time,
+            told,
+            lambda result: write_json(answer, result) if json else print(one_line(result), file=answer, flush=True),
+        )
+    sys.exit(exit_status(results))
+
+
+def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":
+    """The profile; an unknown or invalid one is wrong usage."""
+    from catalog.errors import RefusedError
+    from flows.profile import find_profile
+
+    try:
+        chosen = find_profile(name_or_file)
+    except RefusedError as error:
+        raise typer.BadParameter(str(error), param_hint="--profile") from error
+    return chosen.model_copy(update={"passes": max_passes}) if max_passes else chosen
+
+
+def one_line(result: dict[str, Any]) -> str:
+    """A result for people."""
+    if result["status"] != "ok":
+        return f"{result['product']}: {result['status']}: {result['reason']}"
+    offset = "unknown" if result["offset_px"] is None else "({:+.2f}, {:+.2f})".format(*result["offset_px"])
+    rms = "unknown" if result["limb_rms_px"] is None else f"{result['limb_rms_px']:.2f}"
+    return (
+        f"{result['product']}: ok: {result['target']} by {result['camera']}, offset {offset} px, "
+        f"range x {result['range_factor']:.5f}, limb rms {rms} px; {result['cube']}"
+    )

@@ -1,0 +1,33 @@
+"""Prefect's settings for the command line: the user's own Prefect stays as it is, and stdout stays ours."""
+
+import os
+
+from flows.server import ensure_server, server_files
+
+QUIET = {
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "DO_NOT_TRACK": "1",
+    "PREFECT_LOGGING_EXTRA_LOGGERS": "planetpose",
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # reasons are told once, in the result
+    "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "180",
+}
+EMBEDDED, LOCAL = "embedded", "local"
+
+
+def server_choice(option: str | None) -> str:
+    """Which server to use: the option, else PREFECT_API_URL, else PLANETPOSE_SERVER, else `local`."""
+    return option or os.environ.get("PREFECT_API_URL") or os.environ.get("PLANETPOSE_SERVER") or LOCAL
+
+
+def prepare(choice: str) -> None:
+    """Set the environment that Prefect reads when it is imported. `choice`: local (started if need be), embedded (a
+    server within this command, slow), or the URL of an API. Raises ServerError when the local one does not start."""
+    for name, value in QUIET.items():
+        os.environ.setdefault(name, value)
+    os.environ.setdefault("PREFECT_HOME", str(server_files().folder / "prefect"))
+    if choice == EMBEDDED:
+        os.environ.pop("PREFECT_API_URL", None)
+    elif choice == LOCAL:
+        os.environ["PREFECT_API_URL"] = ensure_server()
+    else:
+        os.environ["PREFECT_API_URL"] = choice

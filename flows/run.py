@@ -1,0 +1,101 @@
+"""Run requests from a command line: answer from the cache what can be, and start Prefect only for the rest."""
+
+import logging
+from collections.abc import Callable
+from typing import Any
+
+from catalog.errors import RefusedError
+from flows.chain import Chain, only_cached
+from flows.plan import answer_from_cache, twins
+from flows.progress import Reporter
+from flows.request import Request
+from flows.result import result_of
+from flows.server import in_use, server_files
+
+Result = dict[str, Any]
+Tell = Callable[[Result], None]
+logger = logging.getLogger("planetpose")
+
+
+class InOrder:
+    """Passes results on in the order of the requests, each as soon as those before it are there."""
+
+    def __init__(self, count: int, tell: Tell) -> None:
+        self._slots: list[Result | None] = [None] * count
+        self._told = 0
+        self._tell = tell
+
+    def put(self, position: int, result: Result) -> None:
+        """The result of the request at `position`."""
+        self._slots[position] = result
+        while self._told < len(self._slots) and (ready := self._slots[self._told]) is not None:
+            self._tell(ready)
+            self._told += 1
+
+    @property
+    def missing(self) -> list[int]:
+        """Positions without a result."""
+        return [position for position, result in enumerate(self._slots) if result is None]
+
+    def results(self) -> list[Result]:
+        """What is there, in order."""
+        return [result for result in self._slots if result is not None]
+
+
+def run_requests(requests: list[Request], server: str, workers: int, reporter: Reporter, tell: Tell) -> list[Result]:
+    """Results of `requests` in their order; each is told as soon as it and those before it are known.
+
+    server: see `flows.prefect_settings`. Whatever happens, every request gets a result.
+    """
+    ordered = InOrder(len(requests), tell)
+    refused = twins(requests)
+    for position, request in enumerate(requests):
+        answer = refuse_twin(request, refused[position]) if position in refused else answer_from_cache(request)
+        if answer is not None:
+            reporter.finished(request.product, answer["status"], answer["reason"])
+            ordered.put(position, answer)
+    pending = ordered.missing
+    if pending:
+        try:
+            run_with_prefect([requests[i] for i in pending], server, workers, reporter, ordered, pending)
+        except Exception as error:  # server lost or not to be started: every image still gets its result
+            logger.exception("the flow ended by %s", type(error).__name__)
+            for position in ordered.missing:
+                ordered.put(position, orchestration_failed(requests[position], error))
+    return ordered.results()
+
+
+def refuse_twin(request: Request, fault: str) -> Result:
+    """The result of an image that would overwrite another one of the same command."""
+    error = RefusedError("product-twice", f"{fault}.", "Use another --store for one of them.")
+    return result_of(Chain(request, only_cached), error)
+
+
+def orchestration_failed(request: Request, error: Exception) -> Result:
+    """The result of an image that Prefect did not get to."""
+    result = result_of(Chain(request, only_cached))
+    reason = f"prefect: {type(error).__name__}: {error} Try again, or use --server embedded."
+    return result | {"status": "failed", "reason": reason}
+
+
+def run_with_prefect(
+    requests: list[Request], server: str, workers: int, reporter: Reporter, ordered: InOrder, positions: list[int]
+) -> None:
+    """Run the flow `correct` in this process and put its results at `positions`."""
+    from flows.prefect_settings import prepare
+
+    prepare(server)
+    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+    from flows.correct import audience, correct
+
+    waiting = iter(positions)
+    # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
+    with (
+        in_use(server_files()),
+        temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
+        audience(reporter, lambda result: ordered.put(next(waiting), result)),
+    ):
+        state = correct(requests, workers, return_state=True)
+    if ordered.missing:
+        raise RuntimeError(f"the flow ended {state.name}: {state.message}")

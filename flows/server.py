@@ -1,0 +1,238 @@
+"""The local Prefect server of the command line: started once, shared by all commands, stopped when nobody needs it.
+
+Prefect needs a server for every flow, and starting one takes 4 to 15 s; so the first command that has work to do starts
+one in the background. A keeper process (`flows.server_keeper`) owns it and stops it after a time without use. Whether
+it lives is told by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
+"""
+
+import fcntl
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from catalog.settings import state_folder
+
+START_TIMEOUT_S = 180.0
+HEALTH_TIMEOUT_S = 5.0
+USE_SIGNAL_S = 20.0
+IDLE_MINUTES = 15.0
+
+
+class ServerError(Exception):
+    """The local Prefect server cannot be started or reached."""
+
+
+@dataclass(frozen=True)
+class ServerRecord:
+    """A running server: address of its API, process ids of keeper and server."""
+
+    url: str
+    keeper_pid: int
+    server_pid: int
+
+
+@dataclass(frozen=True)
+class ServerFiles:
+    """Where the server keeps its things, all in one folder."""
+
+    folder: Path
+
+    @property
+    def record(self) -> Path:
+        """Address and process ids, while it runs."""
+        return self.folder / "server.json"
+
+    @property
+    def starting_lock(self) -> Path:
+        """Held while a command looks for the server or starts it."""
+        return self.folder / "server.lock"
+
+    @property
+    def alive_lock(self) -> Path:
+        """Held by keeper and server as long as one of them lives."""
+        return self.folder / "server.alive"
+
+    @property
+    def used(self) -> Path:
+        """Touched by whoever uses the server."""
+        return self.folder / "server.used"
+
+    @property
+    def log(self) -> Path:
+        """Output of keeper and server."""
+        return self.folder / "server.log"
+
+    def read(self) -> ServerRecord | None:
+        """The record, or None when there is none that can be read."""
+        try:
+            return ServerRecord(**json.loads(self.record.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError):
+            return None
+
+    def write(self, record: ServerRecord) -> None:
+        """Replace the record in one go."""
+        new = self.record.with_suffix(".new")
+        new.write_text(json.dumps(asdict(record)) + "\n", encoding="utf-8")
+        new.replace(self.record)
+
+    def touch(self) -> None:
+        """Say that the server is in use."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.used.touch()
+
+
+def server_files() -> ServerFiles:
+    """The files of this user's server."""
+    return ServerFiles(state_folder() / "server")
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold an exclusive lock on `path`; waits for it. A killed holder gives it up by dying."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
+
+
+def is_held(path: Path) -> bool:
+    """Whether some process holds the lock on `path`."""
+    try:
+        with path.open("a") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return False
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+
+
+def running_server(files: ServerFiles | None = None) -> ServerRecord | None:
+    """The server that runs and answers, or None."""
+    files = files or server_files()
+    record = files.read()
+    return record if record and is_held(files.alive_lock) and answers(record.url) else None
+
+
+def answers(url: str) -> bool:
+    """Whether a Prefect API at `url` says that it is well."""
+    try:
+        with urllib.request.urlopen(f"{url}/health", timeout=HEALTH_TIMEOUT_S) as reply:
+            return bool(reply.status == 200)
+    except (OSError, urllib.error.URLError, ValueError):
+        return False
+
+
+def ensure_server(files: ServerFiles | None = None) -> str:
+    """Address of the local server's API; starts it when it does not run. Commands that come meanwhile wait for it.
+
+    Raises ServerError naming the log when it does not come up.
+    """
+    files = files or server_files()
+    files.touch()
+    with locked(files.starting_lock):
+        record = running_server(files)
+        if record is None:
+            end(files)
+            record = _start(files)
+    files.touch()
+    return record.url
+
+
+def _start(files: ServerFiles) -> ServerRecord:
+    for _ in range(3):  # another process may take the free port before the server does
+        keeper = _start_keeper(files, free_port())
+        deadline = time.monotonic() + START_TIMEOUT_S
+        while keeper.poll() is None and time.monotonic() < deadline:
+            record = running_server(files)
+            if record:
+                return record
+            time.sleep(0.1)
+        if keeper.poll() is None:
+            keeper.terminate()
+            break
+    raise ServerError(f"the local Prefect server did not start; see {files.log}. Or use --server embedded.")
+
+
+def _start_keeper(files: ServerFiles, port: int) -> subprocess.Popen[bytes]:
+    """Start keeper and server as a session of their own, so that they outlive this command and its terminal."""
+    with files.log.open("ab") as log:
+        return subprocess.Popen(
+            [sys.executable, "-m", "flows.server_keeper", str(files.folder), str(port), str(idle_minutes() * 60)],
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+            cwd="/",
+            start_new_session=True,
+        )
+
+
+def idle_minutes() -> float:
+    """Minutes without use after which the server stops: PLANETPOSE_SERVER_IDLE_MINUTES, else 15."""
+    try:
+        return float(os.environ.get("PLANETPOSE_SERVER_IDLE_MINUTES", IDLE_MINUTES))
+    except ValueError:
+        return IDLE_MINUTES
+
+
+def free_port() -> int:
+    """A TCP port of this machine that nobody uses."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def stop_server(files: ServerFiles | None = None) -> bool:
+    """Stop the local server; False when none ran."""
+    files = files or server_files()
+    with locked(files.starting_lock):
+        ran = is_held(files.alive_lock)
+        end(files)
+    return ran
+
+
+def end(files: ServerFiles) -> None:
+    """Stop whatever holds the server's lock (its keeper, or a server that lost its keeper), and forget the record."""
+    record = files.read()
+    deadline = time.monotonic() + 15
+    while record and is_held(files.alive_lock) and time.monotonic() < deadline:
+        for pid in (record.keeper_pid, record.server_pid):
+            _terminate(pid)
+        time.sleep(0.2)
+    files.record.unlink(missing_ok=True)
+
+
+def _terminate(pid: int) -> None:
+    try:
+        os.kill(pid, signal.SIGTERM)
+    except ProcessLookupError:
+        return
+
+
+@contextmanager
+def in_use(files: ServerFiles) -> Iterator[None]:
+    """Keep saying that the server is in use, while the `with` block lasts."""
+    over = threading.Event()
+
+    def say() -> None:
+        while not over.wait(USE_SIGNAL_S):
+            files.touch()
+
+    thread = threading.Thread(target=say, daemon=True, name="server-in-use")
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        files.touch()

@@ -1,0 +1,88 @@
+"""Keeper of the local Prefect server: starts it, and stops it when it has not been used for a while.
+
+Run by `flows.server`: python -m flows.server_keeper FOLDER PORT IDLE_SECONDS
+"""
+
+import fcntl
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+
+from flows.server import ServerFiles, ServerRecord, locked
+
+CHECK_EVERY_S = 2.0
+STOP_TIMEOUT_S = 10.0
+
+
+def main(folder: Path, port: int, idle_s: float) -> int:
+    """Keep a server until it ends, is idle for `idle_s`, or SIGTERM comes."""
+    files = ServerFiles(folder)
+    with files.alive_lock.open("a") as alive:
+        try:
+            fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return 1  # there is a server
+        server = start_server(folder, port, alive.fileno())
+        files.write(ServerRecord(f"http://127.0.0.1:{port}/api", os.getpid(), server.pid))
+        signal.signal(signal.SIGTERM, lambda *_: stop(server))
+        while server.poll() is None:
+            time.sleep(CHECK_EVERY_S)
+            stop_when_idle(files, server, idle_s)
+        return 0
+
+
+def start_server(folder: Path, port: int, alive: int) -> subprocess.Popen[bytes]:
+    """Start Prefect's server on this machine's own address. It inherits the lock, so it counts as alive by itself."""
+    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
+    return subprocess.Popen(command, env=server_environment(folder), pass_fds=(alive,))
+
+
+def server_environment(folder: Path) -> dict[str, str]:
+    """Environment of the server: its database in `folder`, nothing sent anywhere, old runs deleted."""
+    defaults = {
+        "PREFECT_HOME": str(folder / "prefect"),
+        "PREFECT_SERVER_UI_ENABLED": "false",
+        "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
+        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "DO_NOT_TRACK": "1",
+    }
+    environment = {**defaults, **os.environ}
+    environment.pop("PREFECT_API_URL", None)
+    return environment
+
+
+def stop_when_idle(files: ServerFiles, server: subprocess.Popen[bytes], idle_s: float) -> None:
+    """Stop the server if nobody used it for `idle_s`; no command can be about to use it, for it would hold the lock."""
+    if time.time() - last_use(files) < idle_s:
+        return
+    with locked(files.starting_lock):
+        if time.time() - last_use(files) >= idle_s:
+            files.record.unlink(missing_ok=True)
+            stop(server)
+
+
+def last_use(files: ServerFiles) -> float:
+    """Time of the last sign of use."""
+    try:
+        return files.used.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
+
+
+def stop(server: subprocess.Popen[bytes], _: FrameType | None = None) -> None:
+    """End the server, gently at first."""
+    server.terminate()
+    try:
+        server.wait(STOP_TIMEOUT_S)
+    except subprocess.TimeoutExpired:
+        server.kill()
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])))

@@ -1,0 +1,90 @@
+"""The cached step: publish. Its folder is the product's folder in the store."""
+
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from tasks.project.uncertainty import PoseUncertainty
+from tasks.publish.product import CUBE, OVERLAY, write_product
+from tasks.publish.publication import Publication
+from tasks.record import Record, record_in
+from tasks.stored import camera_of, load_observation, pose_in, target_of
+from tasks.summary import summary
+from tasks.work import Work
+
+CORRECTIONS = ("point", "range", "attitude")
+LIBRARIES = (
+    "planetpose",
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "mitsuba",
+    "spiceypy",
+    "zarr",
+    "xarray",
+    "prefect",
+)
+
+
+def run(work: Work) -> dict[str, Any]:
+    """Gather what the earlier steps found and write the product (see `write_product`)."""
+    records = {name: record_in(Path(folder)) for name, folder in work.places["steps"].items()}
+    camera = camera_of(work)
+    before, after = pose_in(work.place("predicted")), pose_in(work.place("pose"))
+    corrections = {name: r.result for name, r in records.items() if name.partition("-")[0] in CORRECTIONS}
+    corrected = summary(before, after, camera, corrections)
+    publication = Publication(
+        product=work.inputs["product"],
+        observation=load_observation(work.place("undistort")),
+        camera=camera,
+        target=target_of(work),
+        pose_before=before,
+        pose_after=after,
+        uncertainty=PoseUncertainty.from_sigmas(corrected["uncertainty"]),
+        result={**work.places["result"], **corrected, **limb_of(records["validate"])},
+        settings=dict(work.inputs["profile"]),
+        provenance=provenance(work, records, corrections),
+    )
+    write_product(publication, work.folder)
+    return {"correction": corrected, "cube": CUBE, "overlay": OVERLAY}
+
+
+def limb_of(validate: Record) -> dict[str, Any]:
+    """The verdict of the step `validate`, in the result's words."""
+    limb = validate.result["limb"]
+    return {
+        "limb_rms_px": limb["rms_px"],
+        "limb_points": limb["points"],
+        "similarity": validate.result["similarity"],
+    }
+
+
+def provenance(work: Work, records: dict[str, Record], corrections: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """Where everything came from: files and hashes, label, kernels, map, every step with its key and code version."""
+    frame, predicted = records["ingest"].result, records["pose"].result
+    return {
+        "image": {key: frame[key] for key in ("product", "sha256", "format", "exposure_s", "filter")},
+        "label": frame["label"],
+        "initial_pose": {key: predicted[key] for key in ("source", "sources", "missing", "evidence")},
+        "kernels": predicted["kernels"],
+        "basemap": dict(work.inputs["basemap"]),
+        "undistort": records["undistort"].result,
+        "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
+        "limb": records["validate"].result["limb"],
+        "steps": {
+            name: {"key": r.key, "code": r.code, "seconds": r.seconds, "written": r.written}
+            for name, r in records.items()
+        },
+        "software": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Installed versions of this program and of the libraries whose results it passes on."""
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return found

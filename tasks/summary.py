@@ -1,0 +1,47 @@
+"""What was corrected in all, from the predicted pose to the last one."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
+from tasks.plain import plain
+
+Corrections = Mapping[str, Mapping[str, Any]]
+
+
+def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections) -> dict[str, Any]:
+    """The whole correction and its 1-sigma, as plain JSON.
+
+    centre_px: target's centre under the corrected pose, undistorted frame. offset_px: that minus the predicted centre
+    (None when the predicted target is behind the camera). range_factor: corrected by predicted distance. attitude_deg:
+    rotation vector of the body's turn, in its own frame; None when no step could determine it. corrections: results of
+    the steps `point-1`, `range-1` ... in the order of doing; the last one of a kind gives the uncertainty.
+    """
+    centre, predicted = (camera.project(pose.target_in_camera_km) for pose in (after, before))
+    sigma = {key: last_uncertainty(corrections, key) for key in ("offset_px", "range_factor", "attitude_deg")}
+    # The body frame after is R^T times the one before, R the turn of the body in its own frame.
+    turn = vector_deg_from_rotation((after.body_from_j2000 @ before.body_from_j2000.T).T)
+    offset = centre - predicted
+    return {
+        "centre_px": plain(centre),
+        "offset_px": plain(offset) if np.isfinite(offset).all() else None,
+        "range_factor": after.range_km / before.range_km,
+        "attitude_deg": plain(turn) if determined(corrections, "attitude_deg") else None,
+        "uncertainty": {"centre_px": sigma["offset_px"], **sigma},
+        "pose": after.to_dict(),
+    }
+
+
+def determined(corrections: Corrections, key: str) -> bool:
+    """Whether some step found a value for `key`."""
+    return any(result["changed"].get(key) is not None for result in corrections.values())
+
+
+def last_uncertainty(corrections: Corrections, key: str) -> Any:
+    """The uncertainty that the last step that determined `key` gives."""
+    found = [result["uncertainty"].get(key) for result in corrections.values() if key in result["uncertainty"]]
+    return next((value for value in reversed(found) if value is not None), None)
