@@ -1,7 +1,8 @@
 """The projection's inner loop, compiled by numba: short loops over one row of pixels that the compiler can vectorise.
 
 It holds no lock of the interpreter (nogil), so `planes` runs blocks of rows in plain threads: no OpenMP, which would
-make forks and concurrent callers unsafe and the compilation several times longer.
+make forks and concurrent callers unsafe and the compilation several times longer. All of it is in one file, because
+numba's cache of compiled code notices changes in that file only.
 """
 
 import math

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
 PREDICTED: dict[str, Any] = {"color": "#E69F00", "linestyle": (0, (6, 4)), "linewidth": 1.6}
 CORRECTED: dict[str, Any] = {"color": "#56B4E9", "linestyle": "-", "linewidth": 1.6}
 TERMINATOR: dict[str, Any] = {"color": "#F0E442", "linestyle": (0, (1, 1.6)), "linewidth": 1.8}
-GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "alpha": 0.45}
+GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "alpha": 0.6}
 GRID_STEP_DEG = 30.0
+LABEL_COSINE = 0.3  # of emission, below which grid labels would crowd
+GAMMA = 0.65
 DPI = 110
 SIDE_INCHES = 8.0
 
@@ -70,18 +72,18 @@ def draw_overlay(
 
 
 def stretched(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Grey values 0-1 that show dark and bright parts at once: from sky to the 99.8th percentile, square root."""
+    """Grey values 0-1 that show dark and bright parts at once: from sky to the 99.9th percentile, with a gamma."""
     finite = image[np.isfinite(image)]
     if not finite.size:
         return np.zeros_like(image)
-    low, high = np.percentile(finite, [2.0, 99.8])
+    low, high = np.percentile(finite, [2.0, 99.9])
     scale = max(float(high - low), 1e-30)
-    return np.sqrt(np.clip((np.nan_to_num(image, nan=low) - low) / scale, 0.0, 1.0)).astype(np.float32)
+    return (np.clip((np.nan_to_num(image, nan=low) - low) / scale, 0.0, 1.0) ** GAMMA).astype(np.float32)
 
 
 def _figure_inches(box: Box, far_apart: bool) -> tuple[float, float]:
-    height = float(np.clip(SIDE_INCHES * box.height / box.width, 4.0, 11.0))
-    return SIDE_INCHES * (5 / 3 if far_apart else 1.0), height + 1.0
+    panel = float(np.clip((SIDE_INCHES - 0.7) * box.height / box.width, 3.5, 10.5))
+    return SIDE_INCHES * (5 / 3 if far_apart else 1.0), panel + 1.4
 
 
 def _show(axes: "Axes", shown: NDArray[np.float32], box: Box) -> None:
@@ -96,32 +98,53 @@ def _show(axes: "Axes", shown: NDArray[np.float32], box: Box) -> None:
 
 def _draw_body(axes: "Axes", shown: NDArray[np.float32], box: Box, pose: Pose, camera: Camera, target: Target) -> None:
     _show(axes, shown, box)
-    for line in graticule(pose, camera, target, GRID_STEP_DEG):
-        axes.plot(*line.visible_xy_px.T, **GRID)
-    _label_grid(axes, pose, camera, target)
+    lines = graticule(pose, camera, target, GRID_STEP_DEG)
+    for line in lines:
+        axes.plot(*line.visible_xy_px.T, path_effects=_dark_edge(1.2, 0.35), **GRID)
+    for text, xy, shift in grid_labels(lines, pose, target):
+        axes.annotate(
+            text, xy, xytext=shift, textcoords="offset points", ha="center", va="center", fontsize=7,
+            color="white", annotation_clip=True, path_effects=_dark_edge(1.6, 0.8),
+        )  # fmt: skip
     axes.plot(*terminator(pose, camera, target).visible_xy_px.T, label="terminator", **TERMINATOR)
 
 
-def _label_grid(axes: "Axes", pose: Pose, camera: Camera, target: Target) -> None:
-    """Latitudes along the meridian, longitudes along the parallel nearest to the disk's centre."""
+def _dark_edge(width: float, alpha: float) -> list[Any]:
+    """White that stays legible on a bright surface."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    return [Stroke(linewidth=width, foreground="black", alpha=alpha), Normal()]
+
+
+Label = tuple[str, tuple[float, float], tuple[float, float]]
+
+
+def grid_labels(lines: list[Curve], pose: Pose, target: Target) -> list[Label]:
+    """Text, pixel and shift in points of the grid's labels: latitudes along the meridian, longitudes along the parallel
+    nearest to the disk's centre, only where the surface is not too foreshortened."""
     latitude, longitude = (float(v) for v in latitude_longitude(pose.spacecraft_in_body_km))
     here_lat = float(np.clip(GRID_STEP_DEG * round(latitude / GRID_STEP_DEG), -60, 60))
     here_lon = GRID_STEP_DEG * round(longitude / GRID_STEP_DEG) % 360
-    for line in graticule(pose, camera, target, GRID_STEP_DEG, n=181):
-        kind, value = line.name.split()
+    labels: list[Label] = []
+    for line in lines:
+        kind, value = line.name.split()[0], float(line.name.split()[1])
         lat, lon = latitude_longitude(line.points_km)
-        along = np.abs(lon - here_lon) if kind == "latitude" else np.abs(lat - here_lat)
-        at = int(np.argmin(along))
-        if line.visible[at] and np.isfinite(line.xy_px[at]).all():
-            text = f"{float(value):g}N" if kind == "latitude" else f"{float(value):g}E"
-            axes.annotate(
-                text.replace("-", "").replace("N", "S") if text.startswith("-") else text,
-                line.xy_px[at], xytext=(2, 2), textcoords="offset points",
-                fontsize=7, color="white", alpha=0.8, annotation_clip=True,
-            )  # fmt: skip
+        at = int(np.argmin(np.abs(lon - here_lon) if kind == "latitude" else np.abs(lat - here_lat)))
+        if _emission_cosine(pose, target, line.points_km[at]) < LABEL_COSINE or not np.isfinite(line.xy_px[at]).all():
+            continue
+        text = f"{value:g}E" if kind == "longitude" else f"{abs(value):g}{'S' if value < 0 else 'N' if value else ''}"
+        shift = (14.0, -7.0) if kind == "longitude" else (-12.0, 7.0)
+        labels.append((text, (float(line.xy_px[at][0]), float(line.xy_px[at][1])), shift))
+    return labels
+
+
+def _emission_cosine(pose: Pose, target: Target, point_km: NDArray[np.float64]) -> float:
+    normal = point_km / np.asarray(target.radii_km) ** 2
+    sight = pose.spacecraft_in_body_km - point_km
+    return float(normal @ sight / np.linalg.norm(normal) / np.linalg.norm(sight))
 
 
 def _draw_limbs(axes: "Axes", before: Curve, after: Curve) -> None:
-    for curve, style, label in ((before, PREDICTED, "predicted limb"), (after, CORRECTED, "corrected limb")):
+    for curve, style, label in ((after, CORRECTED, "corrected limb"), (before, PREDICTED, "predicted limb")):
         x, y = np.vstack([curve.xy_px, curve.xy_px[:1]]).T
         axes.plot(x, y, label=label, **style)

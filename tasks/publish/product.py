@@ -8,7 +8,7 @@ from catalog.camera import camera_from_dict
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.publish.atomic import folder_put_in_place
+from tasks.atomic import folder_put_in_place
 from tasks.publish.cube import cube_dataset, open_cube, write_cube
 from tasks.publish.overlay import draw_overlay
 from tasks.publish.publication import Publication

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.observation import Quality
 
@@ -17,7 +18,8 @@ COORDINATES = ("latitude", "longitude")
 @dataclass(frozen=True)
 class Variable:
     """One plane (y, x) of the cube. valid_range: inclusive, None where any finite value is sensible. standard_name: of
-    CF, empty where CF has none. on_body: NaN exactly where the pixel does not see the body."""
+    CF, empty where CF has none. on_body: NaN exactly where the pixel does not see the body; may_be_unknown: or NaN
+    everywhere."""
 
     name: str
     dtype: str
@@ -26,6 +28,7 @@ class Variable:
     standard_name: str = ""
     valid_range: tuple[float, float] | None = None
     on_body: bool = True
+    may_be_unknown: bool = False
     comment: str = ""
     ancillary: str = ""
 
@@ -74,11 +77,11 @@ VARIABLES = (
     ),
     Variable(
         "latitude_uncertainty", "float32", "degree", "1-sigma of the latitude from the pose's uncertainty",
-        "latitude standard_error", (0.0, 90.0),
+        "latitude standard_error", (0.0, 90.0), may_be_unknown=True,
     ),
     Variable(
         "longitude_uncertainty", "float32", "degree", "1-sigma of the longitude from the pose's uncertainty",
-        "longitude standard_error", (0.0, 180.0),
+        "longitude standard_error", (0.0, 180.0), may_be_unknown=True,
     ),
     Variable("quality", "uint16", "1", "quality of the pixel", "quality_flag", on_body=False),
 )  # fmt: skip
@@ -106,23 +109,27 @@ def cube_faults(cube: "xr.Dataset") -> list[str]:
     return faults
 
 
-def _faults(variable: Variable, array: "xr.DataArray", on_body: np.ndarray) -> list[str]:
+def _faults(variable: Variable, array: "xr.DataArray", on_body: NDArray[np.bool_]) -> list[str]:
     if array.dims != ("y", "x") or array.shape != on_body.shape:
         return [f"dimensions {array.dims} of {array.shape}, expected ('y', 'x') of {on_body.shape}"]
     if array.dtype != variable.dtype:
         return [f"type {array.dtype}, expected {variable.dtype}"]
-    faults = [
-        f"attribute {key} is {array.attrs.get(key)!r}, expected {value!r}"
-        for key, value in variable.attributes.items()
-        if array.attrs.get(key) != value
-    ]
-    if variable.on_body and not np.array_equal(np.isfinite(array.values), on_body):
+    expected = variable.attributes.items()
+    wrong = {key: (array.attrs.get(key), value) for key, value in expected if array.attrs.get(key) != value}
+    faults = [f"attribute {key} is {found!r}, expected {value!r}" for key, (found, value) in wrong.items()]
+    return faults + _value_faults(variable, array.values, on_body)
+
+
+def _value_faults(variable: Variable, values: NDArray[Any], on_body: NDArray[np.bool_]) -> list[str]:
+    faults = []
+    known = np.isfinite(values)
+    unknown_as_a_whole = variable.may_be_unknown and not known.any()
+    if variable.on_body and not unknown_as_a_whole and not np.array_equal(known, on_body):
         faults.append("finite values and the off_body flag disagree")
-    values = array.values[on_body] if variable.on_body else array.values[np.isfinite(array.values)]
-    if variable.valid_range and values.size:
-        low, high = float(values.min()), float(values.max())
+    if variable.valid_range and known.any():
+        low, high = float(values[known].min()), float(values[known].max())
         if low < variable.valid_range[0] or high > variable.valid_range[1]:
             faults.append(f"values from {low:g} to {high:g}, valid is {variable.valid_range}")
-    if variable.name == "longitude" and values.size and values.max() >= 360:
-        faults.append("a longitude reaches 360")
+        if variable.name == "longitude" and high >= 360:
+            faults.append("a longitude reaches 360")
     return faults
