@@ -68,7 +68,7 @@ class Camera(BaseModel):
     camera_from_instrument: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     label_dialect: str | None = None
     # "HOST/INSTRUMENT" spellings found in labels: any host keyword (INSTRUMENT_HOST_NAME, SPACECRAFT_NAME, MISSION ...)
-    # and any instrument keyword (INSTRUMENT_ID, INSTRUMENT_NAME, SENSOR ...) joined by "/", see catalog/readers/names.py.
+    # and any instrument keyword (INSTRUMENT_ID, SENSOR ...) joined by "/", see catalog/readers/names.py.
     # A VICAR or FITS file that has one of them is this camera's: a new camera needs no code, only these names.
     label_names: tuple[str, ...] = ()
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs

@@ -14,6 +14,8 @@ from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.reading import Reading
 
+NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
+
 
 def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, target_name: str | None) -> Frame:
     """The Frame of a reading; `camera_name` and `target_name` override the label's."""
@@ -65,15 +67,14 @@ def _undistorted(reading: Reading, camera: Camera | None) -> bool:
 
 
 def _observation(reading: Reading, camera: Camera | None) -> Observation:
-    image = reading.image.astype(np.float32)
-    finite = np.isfinite(image)
-    image = np.where(finite, image, np.float32(0))
-    flags = np.zeros(image.shape, np.int64) if reading.quality is None else reading.quality.astype(np.int64)
-    flags = np.where(finite, flags, flags | Quality.MISSING)
+    with np.errstate(invalid="ignore"):
+        sound = np.abs(reading.image) < NULL_MAGNITUDE  # false for NaN too
+    image = np.where(sound, reading.image, 0).astype(np.float32)
+    quality = np.zeros(image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
+    quality[~sound] |= np.uint16(Quality.MISSING)
     saturation = _saturation(reading, camera)
     if saturation is not None:
-        flags = np.where(image >= saturation, flags | Quality.SATURATED, flags)
-    quality = flags.astype(np.uint16)
+        quality[image >= saturation] |= np.uint16(Quality.SATURATED)
     return Observation(image, _noise(reading, camera, image, quality), quality)
 
 

@@ -11,7 +11,7 @@ QUANTISATION = 1 / np.sqrt(12)
 
 def modelled_noise(image: NDArray[np.float32], model: Noise) -> NDArray[np.float32]:
     """Noise (ny, nx) by variance = read^2 + DN / gain + (relative DN)^2, never below that of rounding to whole DN."""
-    signal = np.maximum(image, 0)
+    signal = np.maximum(image, 0).astype(np.float64)
     variance = model.read_dn**2 + signal / model.gain_e_per_dn + (model.relative * signal) ** 2
     return np.sqrt(np.maximum(variance, QUANTISATION**2)).astype(np.float32)
 

@@ -1,5 +1,6 @@
 """PDS3 labels, parsed by pvl: detached (.LBL beside the image) or in the head of the file."""
 
+import warnings
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,10 @@ def parse_label(content: str) -> dict[str, Any]:
 
     Raises ValueError when the text is no PDS3 label.
     """
-    import pvl
-    from pvl.exceptions import LexerError, ParseError, QuantityError
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pvl warns of its own deprecated class whenever it is imported
+        import pvl
+        from pvl.exceptions import LexerError, ParseError, QuantityError
 
     try:
         module = pvl.loads(content)

@@ -11,7 +11,7 @@ from catalog.errors import RefusedError
 from catalog.pose import PartialPose
 
 MAX_SIDE_PX = 20_000
-MAX_PIXELS = 50_000_000
+MAX_PIXELS = 30_000_000
 HEAD_BYTES = 4096
 
 
