@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 
+import numba
 import numpy as np
 import pytest
 import spiceypy
@@ -12,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.project.kernel import _atan2_deg
+from tasks.project.kernel import _atan2_deg, compiled
 from tasks.project.planes import ANGLES, PLANES, POINT, project_planes
 from tasks.project.points import body_points
 from tasks.project.reference import project_planes_with_numpy
@@ -150,6 +151,17 @@ def test_several_threads_may_project_at_once():
     with ThreadPoolExecutor(8) as threads:
         together = list(threads.map(lambda p: project_planes(p, CAMERA, TRIAXIAL).incidence, poses))
     assert all(np.array_equal(a, b, equal_nan=True) for a, b in zip(alone, together, strict=True))
+
+
+def test_without_a_writable_cache_folder_the_loop_is_compiled_anew(monkeypatch):
+    def njit(**options):
+        if options.get("cache"):
+            raise RuntimeError("cannot cache function: no locator available")
+        return compile_now(**options)
+
+    compile_now = numba.njit
+    monkeypatch.setattr(numba, "njit", njit)
+    assert compiled(lambda x: x + 1.0)(2.0) == 3.0
 
 
 @given(st.floats(-1e9, 1e9), st.floats(-1e9, 1e9))

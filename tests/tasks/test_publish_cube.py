@@ -73,6 +73,7 @@ def test_a_cube_comes_back_from_zarr_as_it_went_in(cube, tmp_path):
     blosc = next(codec for codec in array["codecs"] if codec["name"] == "blosc")["configuration"]
     assert (blosc["cname"], blosc["clevel"], blosc["shuffle"]) == ("zstd", 3, "shuffle")
     assert array["dimension_names"] == ["y", "x"]
+    assert set(array["attributes"]["coordinates"].split()) == {"latitude", "longitude"}
 
 
 def test_a_cube_opens_lazily_with_the_projection_of_the_corrected_pose(publication, cube, tmp_path):
