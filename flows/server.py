@@ -25,6 +25,7 @@ from catalog.settings import state_folder
 
 START_TIMEOUT_S = 180.0
 HEALTH_TIMEOUT_S = 5.0
+PATIENCE_S = 40.0
 USE_SIGNAL_S = 20.0
 IDLE_MINUTES = 15.0
 
@@ -142,12 +143,23 @@ def ensure_server(files: ServerFiles | None = None) -> str:
     files = files or server_files()
     files.touch()
     with locked(files.starting_lock):
-        record = running_server(files)
+        record = running_server(files) or _one_that_is_starting(files)
         if record is None:
             end(files)
             record = _start(files)
     files.touch()
     return record.url
+
+
+def _one_that_is_starting(files: ServerFiles) -> ServerRecord | None:
+    """The server that an interrupted command has started, once it answers; None when there is none, or it hangs."""
+    deadline = time.monotonic() + PATIENCE_S
+    while is_held(files.alive_lock) and time.monotonic() < deadline:
+        record = running_server(files)
+        if record:
+            return record
+        time.sleep(0.1)
+    return None
 
 
 def _start(files: ServerFiles) -> ServerRecord:

@@ -7,7 +7,7 @@ import shutil
 import sys
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -17,11 +17,13 @@ AT_FDCWD, RENAME_EXCHANGE = -100, 2  # fcntl.h, linux/fs.h
 
 
 @contextmanager
-def folder_put_in_place(folder: Path) -> Iterator[Path]:
+def folder_put_in_place(folder: Path, keep: Callable[[], bool] | None = None) -> Iterator[Path]:
     """Yield a new hidden folder beside `folder` that takes its name at the end, unless the block raises.
 
     An older `folder` is exchanged in one step where the system can (Linux), so that a reader with an open cube always
-    finds every chunk; a missing chunk would read as NaN. Of several writers each succeeds, and the last one stays.
+    finds every chunk; a missing chunk would read as NaN. Of several writers each succeeds, and the last one stays;
+    unless `keep` says, at the end, that what is there now is as good: then the first one stays, and nobody who reads
+    it is disturbed.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
     sweep_temporaries(folder.parent)
@@ -29,7 +31,7 @@ def folder_put_in_place(folder: Path) -> Iterator[Path]:
     temporary.mkdir()
     try:
         yield temporary
-        _put_in_place(temporary, folder)
+        _put_in_place(temporary, folder, keep)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -39,12 +41,14 @@ def _temporary_name(name: str) -> str:
     return f".{name}~{host}~{os.getpid()}~{uuid.uuid4().hex[:12]}{TEMPORARY_SUFFIX}"
 
 
-def _put_in_place(temporary: Path, folder: Path) -> None:
+def _put_in_place(temporary: Path, folder: Path, keep: Callable[[], bool] | None) -> None:
     try:
         temporary.rename(folder)
     except OSError:
         if not folder.is_dir():
             raise
+        if keep is not None and keep():
+            return
         if not exchange(temporary, folder):
             _exchange_in_two_steps(temporary, folder)
 

@@ -13,8 +13,9 @@ from typing import Any
 
 from catalog.digest import sha256_of_json
 from catalog.times import now_utc
+from tasks.atomic import folder_put_in_place
 from tasks.code_version import code_version
-from tasks.record import Record, folder_that_appears_whole, read_record, write_record
+from tasks.record import Record, read_record, write_record
 from tasks.work import Progress, Work
 
 
@@ -71,7 +72,8 @@ def run(step: Step, progress: Progress) -> Record:
     if finished:
         return finished
     # A folder without a readable record is damaged, and one with another key is an older product: both are exchanged.
-    with folder_that_appears_whole(step.folder, replace=step.folder.exists()) as folder:
+    # Who comes second with the same key throws his own away: both hold the same result.
+    with folder_put_in_place(step.folder, keep=lambda: step.record() is not None) as folder:
         started = time.perf_counter()
         result = import_module(step.body).run(Work(step.inputs, step.places, folder, progress))
         seconds = round(time.perf_counter() - started, 4)

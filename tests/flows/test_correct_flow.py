@@ -1,0 +1,223 @@
+"""The Prefect flow on small fake steps: what is done again and what is not, and what one bad image does to others."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from conftest import done
+
+from flows.chain import Chain
+from flows.progress import Silent
+from flows.request import Request
+from flows.run import run_requests
+
+CHAIN = ("read", "double-1", "double-2", "publish")
+SETTINGS = {"double-1": 1.0, "double-2": 1.0}
+
+Run = Callable[..., list[dict[str, Any]]]
+
+
+def fake_chain(chain: Chain) -> None:
+    """read -> double -> double -> publish."""
+    from catalog.digest import sha256_of_file
+
+    image = chain.request.image
+    chain.do("read", "fake_steps", {"do": "read", "image": sha256_of_file(image)}, {"image": str(image)})
+    latest = "read"
+    for name in ("double-1", "double-2"):
+        inputs = {"do": "double", "before": chain.key(latest), "setting": SETTINGS[name]}
+        chain.do(name, "fake_steps", inputs, {"before": chain.folder(latest)})
+        latest = name
+    inputs = {"do": "publish", "before": chain.key(latest)}
+    chain.do("publish", "fake_steps", inputs, {}, chain.request.product_folder)
+
+
+@pytest.fixture
+def run(prefect_api: str, plain_environment: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run images through the real flow with the fake chain; results as `--json` prints them."""
+    for module in ("flows.correct", "flows.plan"):
+        monkeypatch.setattr(f"{module}.correct_image", fake_chain)
+    monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
+    monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.steps["publish"].folder)})
+
+    def run_images(*images: Path, **changes: Any) -> list[dict[str, Any]]:
+        told: list[dict[str, Any]] = []
+        requests = [Request(**({"image": image, **plain_environment} | changes)) for image in images]
+        results = run_requests(requests, prefect_api, 2, Silent(), told.append)
+        assert told == results
+        return results
+
+    return run_images
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Callable[[str, str], Path]:
+    def write(name: str, text: str) -> Path:
+        path = tmp_path / f"{name}.txt"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_second_run_does_no_step_and_says_so(run: Run, image: Callable[[str, str], Path], work_log: Path) -> None:
+    file = image("seven", "7")
+    first = run(file)[0]
+    assert (first["status"], first["cached"], tuple(first["seconds"])) == ("ok", [], CHAIN)
+    assert done(work_log) == ["read", "double", "double", "publish"]
+    second = run(file)[0]
+    assert (second["status"], tuple(second["cached"])) == ("ok", CHAIN)
+    assert done(work_log) == []
+    assert second | {"cached": []} == first
+
+
+def test_changing_one_setting_redoes_that_step_and_what_follows(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = image("seven", "7")
+    run(file)
+    done(work_log)
+    monkeypatch.setitem(SETTINGS, "double-2", 3.0)
+    assert run(file)[0]["cached"] == ["read", "double-1"]
+    assert done(work_log) == ["double", "publish"]
+    monkeypatch.setitem(SETTINGS, "double-2", 1.0)
+    again = run(file)[0]  # back: only the product itself must be made again
+    assert again["cached"] == ["read", "double-1", "double-2"]
+    assert done(work_log) == ["publish"]
+
+
+@pytest.mark.parametrize("lost", CHAIN[:3])
+def test_deleting_one_result_redoes_only_that_step(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, plain_environment: dict[str, Any], lost: str
+) -> None:
+    from flows.chain import only_cached
+
+    file = image("seven", "7")
+    run(file)
+    done(work_log)
+    chain = Chain(Request(image=file, **plain_environment), only_cached)
+    fake_chain(chain)
+    shutil.rmtree(chain.folder(lost))
+    assert run(file)[0]["cached"] == [name for name in CHAIN if name != lost]
+    assert done(work_log) == [lost.partition("-")[0]]
+
+
+def test_deleting_only_the_record_redoes_the_step_although_prefect_remembers_it(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, plain_environment: dict[str, Any]
+) -> None:
+    file = image("seven", "7")
+    run(file)
+    done(work_log)
+    for record in (plain_environment["cache"] / "double").rglob("record.json"):
+        record.unlink()
+    assert run(file)[0]["status"] == "ok"
+    assert done(work_log) == ["double", "double"]
+
+
+def test_a_product_in_another_store_is_published_there_too(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, tmp_path: Path
+) -> None:
+    file = image("seven", "7")
+    run(file)
+    done(work_log)
+    other = run(file, store=tmp_path / "other")[0]
+    assert other["cached"] == ["read", "double-1", "double-2"]
+    assert (tmp_path / "other" / "seven" / "product.txt").read_text() == "whole"
+    assert done(work_log) == ["publish"]
+    assert tuple(run(file)[0]["cached"]) == CHAIN  # the first store's is still good
+
+
+def test_the_same_content_under_another_name_is_another_product_of_cached_steps(
+    run: Run, image: Callable[[str, str], Path], work_log: Path
+) -> None:
+    run(image("seven", "7"))
+    done(work_log)
+    assert run(image("copy", "7"))[0]["cached"] == ["read", "double-1", "double-2"]
+    assert done(work_log) == ["publish"]
+
+
+def test_one_bad_image_does_not_stop_the_others_and_results_come_in_order(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, plain_environment: dict[str, Any]
+) -> None:
+    texts = {"good": "7", "text": "refuse", "loop": "fail", "surprise": "bug", "full": "disk", "fine": "8"}
+    results = run(*(image(name, text) for name, text in texts.items()))
+    assert [result["product"] for result in results] == list(texts)
+    assert [result["status"] for result in results] == ["ok", "refused", "failed", "failed", "failed", "ok"]
+    reasons = {result["product"]: result["reason"] for result in results}
+    assert reasons["good"] is None
+    assert reasons["text"].startswith("no-number: image ")
+    assert reasons["text"].endswith("Write one.")
+    assert reasons["loop"] == "did-not-converge: it went round in circles."
+    assert reasons["surprise"].startswith("bug: ZeroDivisionError: nobody thought of this")
+    assert reasons["full"].startswith("file-trouble:")
+    assert "No space left" in reasons["full"]
+    assert sorted(path.name for path in plain_environment["store"].iterdir()) == ["fine", "good"]
+    assert len(done(work_log)) == 12
+
+
+def test_an_image_that_is_refused_leaves_nothing_in_the_store(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, plain_environment: dict[str, Any]
+) -> None:
+    result = run(image("text", "refuse"))[0]
+    assert (result["status"], result["cube"], result["cached"]) == ("refused", None, [])
+    assert not plain_environment["store"].exists()
+    assert done(work_log) == ["read"]
+
+
+def test_two_images_that_would_become_one_product_are_told_apart(run: Run, tmp_path: Path, work_log: Path) -> None:
+    paths = [tmp_path / folder / "same.txt" for folder in ("a", "b")]
+    for number, path in enumerate(paths):
+        path.parent.mkdir()
+        path.write_text(str(number))
+    for _ in range(2):  # also when the first one is cached
+        results = run(*paths)
+        assert [result["status"] for result in results] == ["ok", "refused"]
+        assert results[1]["reason"].startswith("product-twice:")
+    assert done(work_log) == ["read", "double", "double", "publish"]
+
+
+def test_prefect_shows_every_step_as_a_task_and_the_second_time_as_cached(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, prefect_api: str, plain_environment: dict[str, Any]
+) -> None:
+    import time
+
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import TaskRunFilter, TaskRunFilterName
+
+    file = image("shown", "41")
+    run(file)
+    shutil.rmtree(plain_environment["store"])  # so that there is work, and the flow runs again
+    run(file)
+    names = [f"{step}:shown" for step in CHAIN]
+    deadline = time.monotonic() + 20
+    with get_client(sync_client=True) as client:
+        while True:  # the server records task runs a little later
+            found = client.read_task_runs(task_run_filter=TaskRunFilter(name=TaskRunFilterName(any_=names)))
+            states = sorted((task.name, str(task.state_name)) for task in found)
+            if len(states) == 8 or time.monotonic() > deadline:
+                break
+            time.sleep(0.2)
+    expected = [(name, state) for name in names[:3] for state in ("Cached", "Completed")]
+    assert states == sorted([*expected, (names[3], "Completed"), (names[3], "Completed")])
+    assert done(work_log) == ["read", "double", "double", "publish", "publish"]
+
+
+def test_a_server_that_does_not_answer_gives_every_image_a_result(
+    run: Run, image: Callable[[str, str], Path], work_log: Path, monkeypatch: pytest.MonkeyPatch,
+    plain_environment: dict[str, Any],
+) -> None:  # fmt: skip
+    from flows.server import free_port
+
+    nowhere = f"http://127.0.0.1:{free_port()}/api"
+    from prefect.settings import PREFECT_API_URL, temporary_settings
+
+    told: list[dict[str, Any]] = []
+    with temporary_settings({PREFECT_API_URL: nowhere}):
+        requests = [Request(image=image("seven", "7"), **plain_environment)]
+        results = run_requests(requests, nowhere, 1, Silent(), told.append)
+    assert [result["status"] for result in results] == ["failed"]
+    assert results[0]["reason"].startswith("prefect: ")
+    assert told == results
+    assert done(work_log) == []

@@ -1,0 +1,164 @@
+"""The local server's life: started once, shared, stopped when idle, found again after a crash.
+
+A stub stands in for Prefect's server, which takes 5 to 15 s to start; everything else is the real thing.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from flows.server import ServerFiles, ensure_server, is_held, running_server, stop_server
+
+STUB = """
+import sys, time
+from http.server import BaseHTTPRequestHandler, HTTPServer
+assert sys.argv[1:3] == ["server", "start"]
+time.sleep(0.3)
+class Health(BaseHTTPRequestHandler):
+    def do_GET(self):
+        self.send_response(200 if self.path == "/api/health" else 404)
+        self.end_headers()
+    def log_message(self, *args):
+        pass
+HTTPServer(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])), Health).serve_forever()
+"""
+COMMAND = """
+import sys
+from pathlib import Path
+from flows.server import ServerFiles, ensure_server
+print(ensure_server(ServerFiles(Path(sys.argv[1]))))
+"""
+
+
+@pytest.fixture
+def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ServerFiles]:
+    """A folder for a stub server, which is stopped in the end."""
+    stub = tmp_path / "stub" / "prefect"
+    stub.mkdir(parents=True)
+    (stub / "__init__.py").touch()
+    (stub / "__main__.py").write_text(STUB)
+    root = Path(__file__).resolve().parents[2]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(stub.parent), str(root)]))
+    files = ServerFiles(tmp_path / "state")
+    yield files
+    stop_server(files)
+    assert not is_held(files.alive_lock)
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 15.0) -> None:
+    """Poll; fails when the condition does not come true."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def test_it_starts_once_and_is_reused(files: ServerFiles) -> None:
+    url = ensure_server(files)
+    started = time.monotonic()
+    assert ensure_server(files) == url
+    assert time.monotonic() - started < 0.5
+    record = running_server(files)
+    assert record is not None
+    assert record.url == url
+
+
+def test_four_commands_at_once_start_one_server(files: ServerFiles) -> None:
+    commands = [
+        subprocess.Popen([sys.executable, "-c", COMMAND, str(files.folder)], stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
+    ]
+    addresses = {command.communicate(timeout=60)[0].strip() for command in commands}
+    assert [command.returncode for command in commands] == [0] * 4
+    record = running_server(files)
+    assert record is not None
+    assert addresses == {record.url}
+
+
+def test_it_outlives_the_command_that_started_it(files: ServerFiles) -> None:
+    command = subprocess.run(
+        [sys.executable, "-c", COMMAND, str(files.folder)], stdout=subprocess.PIPE, text=True, check=True
+    )
+    record = running_server(files)
+    assert record is not None
+    assert record.url == command.stdout.strip()
+    assert os.getsid(record.server_pid) != os.getsid(0)
+
+
+def test_a_server_whose_starter_was_killed_is_waited_for(files: ServerFiles) -> None:
+    command = subprocess.Popen([sys.executable, "-c", COMMAND, str(files.folder)], stdout=subprocess.DEVNULL)
+    wait_until(lambda: files.read() is not None)
+    command.kill()
+    command.wait()
+    started = files.read()
+    assert started is not None
+    assert ensure_server(files) == started.url
+
+
+def test_stopping_stops_it_and_a_second_time_says_so(files: ServerFiles) -> None:
+    ensure_server(files)
+    assert stop_server(files)
+    assert running_server(files) is None
+    assert not is_held(files.alive_lock)
+    assert not stop_server(files)
+
+
+def test_it_stops_by_itself_when_nobody_uses_it(files: ServerFiles, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLANETPOSE_SERVER_IDLE_MINUTES", str(1 / 60))
+    ensure_server(files)
+    wait_until(lambda: not is_held(files.alive_lock))
+    assert files.read() is None
+
+
+def test_it_stays_while_it_is_in_use(files: ServerFiles, monkeypatch: pytest.MonkeyPatch) -> None:
+    from flows import server
+
+    monkeypatch.setenv("PLANETPOSE_SERVER_IDLE_MINUTES", str(1.5 / 60))
+    monkeypatch.setattr(server, "USE_SIGNAL_S", 0.2)
+    ensure_server(files)
+    with server.in_use(files):
+        time.sleep(3.5)
+        assert running_server(files) is not None
+    wait_until(lambda: not is_held(files.alive_lock))
+
+
+@pytest.mark.parametrize("victim", ["server_pid", "keeper_pid", "both"])
+def test_after_kill_9_the_next_command_has_a_server_again(files: ServerFiles, victim: str) -> None:
+    ensure_server(files)
+    record = files.read()
+    assert record is not None
+    for pid in [record.server_pid, record.keeper_pid] if victim == "both" else [getattr(record, victim)]:
+        os.kill(pid, signal.SIGKILL)
+    if victim != "keeper_pid":
+        wait_until(lambda: not is_held(files.alive_lock))
+    url = ensure_server(files)
+    now = running_server(files)
+    assert now is not None
+    assert now.url == url
+    if victim == "keeper_pid":
+        assert now == record  # a server that lost its keeper still serves, and `stop` still finds it
+
+
+def test_a_record_of_another_life_is_not_believed(files: ServerFiles) -> None:
+    files.folder.mkdir(parents=True)
+    files.record.write_text('{"url": "http://127.0.0.1:9/api", "keeper_pid": 1, "server_pid": 1}')
+    assert running_server(files) is None
+    assert ensure_server(files) != "http://127.0.0.1:9/api"  # and process 1 was not touched
+
+
+def test_a_server_that_cannot_start_is_told_with_its_log(
+    files: ServerFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from flows import server
+
+    (tmp_path / "stub" / "prefect" / "__main__.py").write_text("raise SystemExit('no database')")
+    monkeypatch.setattr(server, "START_TIMEOUT_S", 10.0)
+    with pytest.raises(server.ServerError, match=r"server\.log"):
+        ensure_server(files)
+    assert "no database" in files.log.read_text()
