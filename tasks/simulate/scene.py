@@ -39,13 +39,14 @@ class Surface:
 @dataclass(frozen=True)
 class Simulation:
     """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
-    background. coverage: fraction of each pixel that the target fills, blurred like the image. fine: the unblurred
-    sub-pixel bases, for steps that move or blur them again."""
+    background. shading: the same without the map (albedo 1). coverage, lit: fraction of each pixel that the target
+    and its sunlit side fill; blurred like the image."""
 
     window: Window
     oversample: int
     psf_sigma_px: float
     bases: NDArray[np.float32]
+    shading: NDArray[np.float32]
     coverage: NDArray[np.float32]
     lit: NDArray[np.float32]
 
@@ -106,10 +107,9 @@ class Scene:
             albedo=spread(self.basemap.sample(latitude, longitude)),
         )
 
-    def shade(self, surface: Surface, phase_deg: float) -> NDArray[np.float32]:
-        """Basis images (k, ny*s, nx*s) of the chosen photometry at the sub-pixels."""
-        laws = BASES[self.settings.photometry]
-        return np.stack([surface.albedo * law(surface.mu0, surface.mu, phase_deg) for law in laws])
+    def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
+        """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
+        return [law(surface.mu0, surface.mu, phase_deg) for law in BASES[self.settings.photometry]]
 
     def render(self, pose: Pose, window: Window | None = None) -> Simulation:
         """Simulate `pose` under `window` (default: the target's window, which may leave the frame).
@@ -127,7 +127,8 @@ class Scene:
             window=window,
             oversample=s,
             psf_sigma_px=sigma,
-            bases=np.stack([detect(basis, s, sigma) for basis in fine]),
+            bases=np.stack([detect(surface.albedo * basis, s, sigma) for basis in fine]),
+            shading=np.stack([detect(basis, s, sigma) for basis in fine]),
             coverage=detect(surface.hit.astype(np.float32), s, sigma),
             lit=detect((surface.mu0 > 0).astype(np.float32), s, sigma),
         )
