@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.camera import Camera, find_camera
+from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Frame, Observation, Quality
@@ -31,7 +31,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         sha256=sha256_of_file(path),
         format=reading.format,
         observation=_observation(reading, camera),
-        camera=name,
+        camera=_catalog_name(name),
         target=target,
         et=reading.et,
         exposure_s=reading.exposure_s,
@@ -41,6 +41,11 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         label_geometry=reading.label_geometry if same_target else None,
         label=reading.label,
     )
+
+
+def _catalog_name(name: str | None) -> str | None:
+    """The catalog's spelling; a camera file's path stays as it was given, for `find_camera` to read again."""
+    return name.lower() if name and name.lower() in known_cameras() else name
 
 
 def _without_target(pose: PartialPose) -> PartialPose:

@@ -79,6 +79,8 @@ def _images(path: Path, hdus: Any) -> tuple[dict[str, Any], NDArray[Any], dict[s
 
 def _plane(path: Path, hdu: Any) -> NDArray[Any]:
     axes = [hdu.header[f"NAXIS{axis + 1}"] for axis in range(hdu.header["NAXIS"])]
+    while len(axes) > 2 and axes[-1] == 1:
+        axes.pop()
     if len(axes) != 2:
         raise RefusedError("image-not-2d", f"image {path}: it has {len(axes)} axes ({axes}).", REMEDY_2D)
     if not all(isinstance(axis, int) for axis in axes):
@@ -88,9 +90,9 @@ def _plane(path: Path, hdu: Any) -> NDArray[Any]:
     if end > path.stat().st_size:
         raise unreadable(path, f"truncated: its pixels should reach byte {end}, the file has {path.stat().st_size}")
     data = np.asarray(hdu.data)
-    if data.shape != (lines, samples) or data.dtype.kind not in "iuf":
+    if data.size != lines * samples or data.dtype.kind not in "iuf":
         raise unreadable(path, f"its pixels have the shape {data.shape} and type {data.dtype}")
-    return data
+    return data.reshape(lines, samples)
 
 
 def _reading(header: dict[str, Any], image: NDArray[Any], extensions: dict[str, NDArray[Any]]) -> Reading:

@@ -61,6 +61,16 @@ def test_vicar_pixels_come_back_whatever_the_prefix_and_byte_order(kind: str, tm
     assert frame.et is None
 
 
+def test_vax_floats_are_converted(tmp_path: Path) -> None:
+    import vax
+
+    pixels = RNG.normal(0, 1e3, (20, 30)).astype("<f4")
+    path = vicar_file(tmp_path / "a.img", pixels)
+    content = path.read_bytes().replace(b"REALFMT='RIEEE'", b"REALFMT='VAX'  ")
+    path.write_bytes(content[:4096] + vax.to_vax32_bytes(pixels))
+    assert np.allclose(read_frame(path).observation.image, pixels, rtol=1e-6)
+
+
 def test_a_camera_is_found_by_its_label_names_alone(tmp_path: Path) -> None:
     pixels = RNG.integers(5, 200, (1024, 1024)).astype("u1")
     pixels[100] = 0
@@ -177,6 +187,12 @@ def test_grey_pictures_are_read(suffix: str, kind: str, tmp_path: Path) -> None:
     frame = read_frame(tmp_path / f"a.{suffix}", target="Io")
     assert np.array_equal(frame.observation.image, pixels.astype(np.float32))
     assert (frame.camera, frame.target, frame.et) == (None, "io", None)
+
+
+def test_a_fits_axis_of_length_one_does_not_make_a_cube(tmp_path: Path) -> None:
+    pixels = RNG.random((1, 20, 30)).astype(np.float32)
+    frame = read_frame(fits_file(tmp_path / "a.fits", ("", pixels)))
+    assert np.array_equal(frame.observation.image, pixels[0])
 
 
 def test_the_noise_of_a_picture_is_measured(tmp_path: Path) -> None:
