@@ -32,6 +32,7 @@ def correct(
     kernels: Annotated[
         list[Path] | None, typer.Option(help="SPICE kernel, meta-kernel or folder; repeat for more.")
     ] = None,
+    no_kernels: Annotated[bool, typer.Option("--no-kernels", help="Use no kernels, not even default ones.")] = False,
     profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
     max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
@@ -56,7 +57,7 @@ def correct(
             pose_file=pose,
             basemap=map,
             map_left_edge_deg=map_left_edge_deg,
-            kernels=tuple(kernels) if kernels else None,
+            kernels=() if no_kernels else tuple(kernels) if kernels else None,
             profile=chosen,
         )
         for file in files

@@ -1,0 +1,177 @@
+"""The rules of the house."""
+
+import ast
+import fnmatch
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+FLOORS = ("catalog", "tasks", "flows")
+SOURCES = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
+LARGEST_FILE = 1024 * 1024
+LONGEST_MODULE = 300
+KNOWS_PREFECT = {"tasks/prefect_task.py"}
+KNOWS_ZARR = ("tasks/publish/", "tasks/stored.py")
+BOUNDARIES = {"flows/correct.py", "flows/run.py"}  # where one image's trouble must not stop the others
+
+
+def name_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+def imports_of(path: Path) -> set[str]:
+    """Every module that a file imports, also inside functions."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
+
+
+def packages_of(path: Path) -> set[str]:
+    return {module.partition(".")[0] for module in imports_of(path)}
+
+
+def tracked_files() -> list[Path]:
+    """Files under version control; without git, everything that is no tool's cache."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode == 0:
+        return [ROOT / name for name in listed.stdout.split("\0") if name and (ROOT / name).is_file()]
+    hidden = (".git", ".venv", "__pycache__", "egg-info", "_cache", ".hypothesis")
+    return [path for path in ROOT.rglob("*") if path.is_file() and not any(part in str(path) for part in hidden)]
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_arrows_point_down_only(floor: str) -> None:
+    above = set(FLOORS[FLOORS.index(floor) + 1 :]) | {"tests"}
+    upward = {name_of(p): packages_of(p) & above for p in SOURCES if name_of(p).startswith(f"{floor}/")}
+    assert {name: found for name, found in upward.items() if found} == {}
+
+
+def test_prefect_is_known_only_where_tasks_and_flows_are_made() -> None:
+    below = [p for p in SOURCES if not name_of(p).startswith("flows/")]
+    assert {name_of(path) for path in below if "prefect" in packages_of(path)} == KNOWS_PREFECT
+
+
+def test_zarr_is_known_only_to_the_publisher_and_the_store_of_steps() -> None:
+    known = {name_of(path) for path in SOURCES if "zarr" in packages_of(path) or ".to_zarr(" in path.read_text()}
+    assert {name for name in known if not name.startswith(KNOWS_ZARR)} == set()
+
+
+def test_every_step_that_the_chain_names_has_a_body() -> None:
+    text = (ROOT / "flows/image.py").read_text()
+    bodies = set(re.findall(r'"(tasks\.[\w.]+)"', text)) | {
+        f"tasks.{name}.step" for name in ("point", "range", "attitude")
+    }
+    assert len(bodies) >= 8
+    for body in bodies:
+        tree = ast.parse((ROOT / Path(*body.split("."))).with_suffix(".py").read_text())
+        runs = [node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "run"]
+        assert len(runs) == 1, body
+        assert [argument.arg for argument in runs[0].args.args] == ["work"], body
+
+
+def public_definitions(path: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+    """Public functions and classes of a module, and public methods of its classes."""
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node
+            if isinstance(node, ast.ClassDef):
+                methods = (child for child in node.body if isinstance(child, ast.FunctionDef))
+                yield from (method for method in methods if not method.name.startswith("_"))
+
+
+def test_modules_and_what_they_offer_are_explained() -> None:
+    bare = [name_of(path) for path in SOURCES if not ast.get_docstring(ast.parse(path.read_text()))]
+    bare += [
+        f"{name_of(path)}:{node.name}"
+        for path in SOURCES
+        for node in public_definitions(path)
+        if not ast.get_docstring(node)
+    ]
+    assert bare == []
+
+
+def test_modules_are_small() -> None:
+    lengths = {name_of(path): len(path.read_text().splitlines()) for path in SOURCES}
+    assert {name: length for name, length in lengths.items() if length > LONGEST_MODULE} == {}
+    assert sorted(lengths.values())[len(lengths) // 2] <= 150
+
+
+def test_contracts_are_no_asserts_and_failures_are_not_swallowed() -> None:
+    faults = []
+    for path in SOURCES:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Assert):
+                faults.append(f"{name_of(path)}:{node.lineno}: assert")
+            broad = isinstance(node, ast.ExceptHandler) and (
+                node.type is None
+                or (isinstance(node.type, ast.Name) and node.type.id in ("Exception", "BaseException"))
+            )
+            if broad and name_of(path) not in BOUNDARIES:
+                faults.append(f"{name_of(path)}:{node.lineno}: broad except")
+    assert faults == []
+
+
+def is_broad(handler: ast.ExceptHandler) -> bool:
+    """Whether it catches everything."""
+    return handler.type is None or (
+        isinstance(handler.type, ast.Name) and handler.type.id in ("Exception", "BaseException")
+    )
+
+
+def test_no_file_knows_a_machine_or_a_package_registry() -> None:
+    forbidden = re.compile(
+        r"(?<![\w.~$}])/(work|tmp|root|home|Users)/|\b(pypi\.org|pythonhosted|conda\.anaconda)", re.I
+    )
+    faults = []
+    for path in tracked_files():
+        if path == Path(__file__).resolve():
+            continue
+        text = path.read_bytes().decode("utf-8", "ignore")
+        faults += [f"{name_of(path)}: {found.group()}" for found in forbidden.finditer(text)]
+    assert faults == []
+
+
+def test_no_file_is_large() -> None:
+    assert {name_of(p): p.stat().st_size for p in tracked_files() if p.stat().st_size > LARGEST_FILE} == {}
+
+
+def test_every_data_file_is_installed_with_its_package() -> None:
+    package_data = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
+    left_out = []
+    for path in tracked_files():
+        floor, _, inside = name_of(path).partition("/")
+        if floor in FLOORS and path.suffix != ".py":
+            patterns = package_data.get(floor, [])
+            if not any(fnmatch.fnmatch(inside, pattern.replace("**/", "*")) for pattern in patterns):
+                left_out.append(name_of(path))
+    assert left_out == []
+
+
+def test_constraints_pin_every_dependency_and_name_no_host() -> None:
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if not line.startswith("#")]
+    pins = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", line) for line in lines)
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in wanted}
+    assert names - pins == set()
+
+
+def test_a_cached_answer_imports_nothing_that_is_slow() -> None:
+    slow = ("prefect", "mitsuba", "zarr", "xarray", "dask", "astropy", "matplotlib", "spiceypy", "pyproj", "skimage")
+    code = (
+        "import sys, flows.cli, flows.run; flows.cli.build_app(); "
+        f"print([name for name in {slow!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
