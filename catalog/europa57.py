@@ -5,7 +5,7 @@ in this program's conventions. Converted from ECLIPJ2000 metres to J2000 kilomet
 axes (sample, line, boresight), moon_att led from the body to ECLIPJ2000; Sun_pos was relative to the spacecraft. The
 quaternions (scalar last) are camera_from_j2000 and body_from_j2000.
 
-Measured against SPICE (LT+S, kernels of ../shared/data): LORRI ranges agree to 3.7 km and directions to 1.4 microrad;
+Measured against SPICE (LT+S, kernels of the data folder): LORRI ranges agree to 3.7 km and directions to 1.4 microrad;
 the Voyager positions of the paper differ from vgr1/2_jup230 by 50 to 620 km (before its range factor).
 """
 
