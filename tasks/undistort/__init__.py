@@ -6,9 +6,11 @@ from typing import Any
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Observation
-from tasks.undistort.choose import chosen_model
+from tasks.undistort.choose import chosen_model, table_of
+from tasks.undistort.mark_fill import filled
 from tasks.undistort.model import DistortionModel, Identity
 from tasks.undistort.resample import resampled
+from tasks.undistort.reseau_marks import find_marks
 from tasks.undistort.settings import UndistortSettings
 
 __all__ = ["DistortionModel", "UndistortSettings", "Undistorted", "undistort"]
@@ -16,8 +18,8 @@ __all__ = ["DistortionModel", "UndistortSettings", "Undistorted", "undistort"]
 
 @dataclass(frozen=True)
 class Undistorted:
-    """observation: in the camera's undistorted frame, or (space `sensor`) the untouched raw one. model: maps between
-    the two. evidence: plain JSON values: method, space, kernel, marks used ..."""
+    """observation: in the camera's undistorted frame, or (space `sensor`) in the raw one, but for filled marks. model:
+    maps between the two. evidence: plain JSON values: method, space, kernel, marks found, errors of the fit ..."""
 
     observation: Observation
     model: DistortionModel
@@ -36,7 +38,11 @@ def undistort(
         _refuse_other_size(observation, camera.size_px, camera, "undistorted")
         return Undistorted(observation, Identity(camera.size_px), {"method": "already undistorted"})
     _refuse_other_size(observation, camera.detector_size_px, camera, "raw")
-    model, evidence = chosen_model(camera, settings)
+    table = table_of(camera)
+    marks = find_marks(observation, table) if table else None
+    model, evidence = chosen_model(camera, settings, marks)
+    if marks is not None and marks.found.any() and settings.fill_marks:
+        observation = filled(observation, marks)
     evidence = {**evidence, "space": settings.space, "kernel": settings.kernel}
     if settings.space == "sensor" or isinstance(model, Identity):
         return Undistorted(observation, model, evidence)

@@ -1,36 +1,112 @@
-"""From camera file and settings to a distortion model."""
+"""From camera file, settings and frame to a distortion model."""
 
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
-from catalog.reseau import find_reseau_table
-from tasks.undistort.delaunay import DelaunayModel
+from catalog.reseau import ReseauTable, find_reseau_table
+from catalog.reseau.archive import is_archive_table, read_archive_marks
+from tasks.undistort.mark_set import MarkSet, marks_of_frame, marks_of_table
+from tasks.undistort.methods import METHODS, FittedModel, fit_model
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES, optics_model
+from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
 from tasks.undistort.settings import UndistortSettings
+from tasks.undistort.turned import TurnedModel
+
+RESEAU = "reseau"
+BEST_METHOD = "thin-plate"
 
 
-def chosen_model(camera: Camera, settings: UndistortSettings) -> tuple[DistortionModel, dict[str, Any]]:
+def chosen_model(
+    camera: Camera, settings: UndistortSettings, marks: ReseauMarks | None = None
+) -> tuple[DistortionModel, dict[str, Any]]:
     """The model that the settings choose for the camera, and evidence (plain values) about it.
 
-    Raises RefusedError when the camera lacks what the method needs.
+    marks: what `find_marks` measured in the frame; without them the camera's nominal table is used. Raises RefusedError
+    when the camera lacks what the method needs, or the marks do not carry the method.
     """
-    default = camera.distortion.model
-    method = settings.method if settings.method != "camera" else ("delaunay" if default == "reseau" else default)
-    if method in OPTICS_NAMES or default != "reseau":
-        optics = optics_model(method, camera, _parameters(camera, method))
-        return optics, {"method": optics.name}
-    name = settings.marks if settings.marks != "nominal" else _table_name(camera)
-    marks = _delaunay_of_table(name, camera.detector_size_px, camera.size_px)
-    return marks, {"method": "delaunay", "marks": settings.marks, "table": name, "marks_used": marks.marks}
+    method = chosen_method(camera, settings)
+    model: DistortionModel
+    if method in OPTICS_NAMES:
+        model, evidence = optics_model(method, camera, _parameters(camera, method)), {"method": method}
+    else:
+        model, evidence = _fitted(camera, settings, method, marks)
+    if settings.roll == "none":
+        return model, evidence
+    roll_deg = float(_given(camera, "published_roll_deg"))
+    return TurnedModel(model, roll_deg, camera.centre_px), {**evidence, "roll_deg": roll_deg}
+
+
+def chosen_method(camera: Camera, settings: UndistortSettings) -> str:
+    """Name of the method: the settings', or what the camera file asks for. Raises RefusedError for an unknown one."""
+    asked = camera.distortion.model if settings.method == "camera" else settings.method
+    method = BEST_METHOD if asked == RESEAU else asked
+    if method in METHODS and camera.distortion.model != RESEAU:
+        raise RefusedError(
+            "distortion-without-marks",
+            f"camera {camera.name} has no reseau marks, which the method {method} is fitted to.",
+            f"Use one of {', '.join(OPTICS_NAMES)}, or name a reseau table in the camera file.",
+        )
+    if method not in (*METHODS, *OPTICS_NAMES):
+        raise RefusedError(
+            "distortion-unknown",
+            f"camera {camera.name} names the distortion model {method!r}.",
+            f"Known are {', '.join(OPTICS_NAMES)} and {RESEAU}.",
+        )
+    return method
+
+
+def table_of(camera: Camera) -> ReseauTable | None:
+    """The camera's nominal reseau table, None for a camera without marks."""
+    return find_reseau_table(str(_given(camera, "table"))) if camera.distortion.model == RESEAU else None
+
+
+def _fitted(
+    camera: Camera, settings: UndistortSettings, method: str, marks: ReseauMarks | None
+) -> tuple[FittedModel, dict[str, Any]]:
+    found = 0 if marks is None else int(marks.found.sum())
+    evidence: dict[str, Any] = {"method": method}
+    if marks is not None:
+        evidence |= {"marks_found": found, "marks_expected": len(marks.found), "marks_by_state": marks.counts()}
+    if settings.marks in ("auto", "found") and marks is not None and found >= ENOUGH_MARKS:
+        model = fit_model(method, marks_of_frame(marks, camera.detector_size_px, camera.size_px), settings.degree)
+        return model, {**evidence, "marks": "found", **_quality(model)}
+    if settings.marks == "found":
+        raise RefusedError(
+            "marks-not-found",
+            f"only {found} reseau marks were found, {ENOUGH_MARKS} are needed.",
+            "Use marks = auto or nominal; cleaned and corrected products have no marks any more.",
+        )
+    name = "nominal" if settings.marks == "auto" else settings.marks
+    model = _fitted_to_table(camera, name, method, settings.degree)
+    return model, {**evidence, "marks": name, **_quality(model)}
+
+
+def _quality(model: FittedModel) -> dict[str, Any]:
+    """The fit's figures; a triangulation's leave-one-out takes a second, so it is left to those who ask for it."""
+    return {"marks_used": int(model.marks.found.sum())} | ({} if model.name == "delaunay" else model.report.summary())
+
+
+def _fitted_to_table(camera: Camera, name: str, method: str, degree: int | None) -> FittedModel:
+    nominal = table_of(camera)
+    if nominal is None:
+        raise AssertionError("only reseau cameras get here")
+    if name == "nominal":
+        return _fitted_to_nominal(nominal.name, camera.detector_size_px, camera.size_px, method, degree)
+    path = Path(name)
+    table = read_archive_marks(path, nominal) if is_archive_table(path) else find_reseau_table(name)
+    return fit_model(method, marks_of_table(table, camera.detector_size_px, camera.size_px), degree)
 
 
 @cache
-def _delaunay_of_table(name: str, raw_size_px: tuple[int, int], size_px: tuple[int, int]) -> DelaunayModel:
-    table = find_reseau_table(name)
-    return DelaunayModel(table.raw_xy, table.object_xy, raw_size_px, size_px)
+def _fitted_to_nominal(
+    table: str, raw_size_px: tuple[int, int], size_px: tuple[int, int], method: str, degree: int | None
+) -> FittedModel:
+    marks: MarkSet = marks_of_table(find_reseau_table(table), raw_size_px, size_px)
+    return fit_model(method, marks, degree)
 
 
 def _parameters(camera: Camera, method: str) -> dict[str, Any]:
@@ -41,12 +117,11 @@ def _parameters(camera: Camera, method: str) -> dict[str, Any]:
     return dict(given.get(method, {}))
 
 
-def _table_name(camera: Camera) -> str:
-    name = camera.distortion.parameters.get("table")
-    if name is None:
+def _given(camera: Camera, key: str) -> Any:
+    if key not in camera.distortion.parameters:
         raise RefusedError(
             "distortion-incomplete",
-            f"camera {camera.name}: distortion reseau names no table.",
-            'Add table = "..." to the camera file\'s [distortion] section.',
+            f"camera {camera.name}: its distortion lacks {key}.",
+            f"Add {key} to the camera file's [distortion] section.",
         )
-    return str(name)
+    return camera.distortion.parameters[key]

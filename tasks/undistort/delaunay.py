@@ -1,12 +1,16 @@
 """Local affine maps on the Delaunay triangles between the marks (the paper's method 3), continued beyond their hull."""
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
+from tasks.undistort.error_map import ErrorMap, error_map_of
+from tasks.undistort.mark_set import FitReport, MarkSet
 from tasks.undistort.model import Points
 from tasks.undistort.polynomial_basis import legendre_matrix, terms_of_degree
-from tasks.undistort.triangles import TriangleMap, refuse_collinear
+from tasks.undistort.triangles import TriangleMap
 
 RING_MARGIN_PX = 60.0
 RING_POINTS_PER_SIDE = 12
@@ -19,40 +23,46 @@ class DelaunayModel:
     """Paper's method 3 between the marks; beyond them triangles to a ring of guessed points around the frame.
 
     The ring's places come from a cubic polynomial through all marks, corrected by what it misses at the nearest marks:
-    so the map stays continuous at the hull, one-to-one, and exactly invertible. Points that lean on the ring are
-    `extrapolated`. A second ring, 20 frames away, carries the best affine map, which also rules beyond it.
+    so the map stays continuous at the hull, one-to-one, and exactly invertible. Points that lean on the ring, or on a
+    mark that was not found, are `extrapolated`. A second ring, 20 frames away, carries the best affine map, which also
+    rules beyond it.
     """
 
     name = "delaunay"
     smooth = False
 
-    def __init__(
-        self,
-        raw_xy: ArrayLike,
-        object_xy: ArrayLike,
-        raw_size_px: tuple[int, int],
-        size_px: tuple[int, int],
-    ) -> None:
-        """raw_xy, object_xy: marks (n, 2) in the raw and the undistorted frame, pixels, 0-based.
-
-        Raises RefusedError for fewer marks than a cubic needs, collinear marks, and marks out of order.
-        """
-        self.raw_size_px, self.size_px = raw_size_px, size_px
-        raw, known = np.asarray(raw_xy, dtype=np.float64), np.asarray(object_xy, dtype=np.float64)
-        self.marks = len(known)
-        if self.marks < terms_of_degree(RING_DEGREE):
+    def __init__(self, marks: MarkSet) -> None:
+        """Raises RefusedError for fewer marks than a cubic needs, collinear marks, and marks out of order."""
+        self.marks, self.raw_size_px, self.size_px = marks, marks.raw_size_px, marks.size_px
+        used = ~marks.outside | marks.found
+        raw, known = marks.raw_xy[used], marks.object_xy[used]
+        if len(known) < terms_of_degree(RING_DEGREE):
             raise RefusedError(
                 "marks-too-few",
-                f"{self.marks} reseau marks are too few for the Delaunay method.",
+                f"{len(known)} reseau marks are too few for the Delaunay method.",
                 f"It needs {terms_of_degree(RING_DEGREE)}; use the nominal table (marks = nominal).",
             )
-        refuse_collinear(known)
+        size_px = self.size_px
         near, far = _ring(size_px, RING_MARGIN_PX), _ring(size_px, FAR_FRAMES * max(size_px), points=1)
         self._affine = _fit(known, raw, 1, size_px)
         far_raw = legendre_matrix(far, 1, size_px) @ self._affine
         near_raw = _continued(known, raw, near, size_px)
         self._map = TriangleMap(np.vstack([known, near, far]), np.vstack([raw, near_raw, far_raw]))
-        self._leans_on_ring: NDArray[np.bool_] = np.any(self._map.corners >= self.marks, axis=1)
+        measured = np.concatenate([marks.found[used], np.zeros(len(near) + len(far), dtype=bool)])
+        self._leans_on_guess: NDArray[np.bool_] = np.any(~measured[self._map.corners], axis=1)
+
+    @cached_property
+    def report(self) -> FitReport:
+        """Residuals are zero by construction; leave-one-out by leaving each mark out of the triangulation in turn."""
+        found = np.flatnonzero(self.marks.found)
+        true = self.marks.object_xy[found]
+        predicted = [DelaunayModel(self.marks.without(int(i))).undistort_points(self.marks.raw_xy[i]) for i in found]
+        residual = self.undistort_points(self.marks.raw_xy[found]) - true
+        return FitReport("delaunay", true, residual, np.array(predicted) - true, self._map.worst_condition_number)
+
+    @cached_property
+    def _errors(self) -> ErrorMap:
+        return error_map_of(self.report)
 
     def distort_points(self, xy: ArrayLike) -> Points:
         """Raw places (..., 2) of undistorted pixels (..., 2)."""
@@ -80,14 +90,16 @@ class DelaunayModel:
         return (raw - origin) @ np.linalg.inv(np.stack([along_x - origin, along_y - origin]))
 
     def extrapolated(self, xy: ArrayLike) -> NDArray[np.bool_]:
-        """True (...,) for undistorted pixels outside the hull of the marks."""
+        """True (...,) for undistorted pixels that lean on guessed or unseen marks."""
         points = np.asarray(xy, dtype=np.float64)
         triangle = self._map.triangle_of(points.reshape(-1, 2))
-        return ((triangle < 0) | self._leans_on_ring[triangle]).reshape(points.shape[:-1])
+        return ((triangle < 0) | self._leans_on_guess[triangle]).reshape(points.shape[:-1])
 
     def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Zero until a leave-one-out map is attached."""
-        return np.zeros(np.shape(xy)[:-1])
+        """Expected 1-sigma error (...,) of one coordinate at undistorted pixels (..., 2): the local leave-one-out
+        error; inside the triangles an upper bound, for leaving out a mark makes them twice as wide."""
+        points = np.asarray(xy, dtype=np.float64)
+        return self._errors(points.reshape(-1, 2)).reshape(points.shape[:-1])
 
 
 def _ring(size_px: tuple[int, int], margin_px: float, points: int = RING_POINTS_PER_SIDE) -> Points:
@@ -100,8 +112,7 @@ def _ring(size_px: tuple[int, int], margin_px: float, points: int = RING_POINTS_
 
 
 def _fit(known: Points, raw: Points, degree: int, size_px: tuple[int, int]) -> NDArray[np.float64]:
-    coefficients: NDArray[np.float64] = np.linalg.lstsq(legendre_matrix(known, degree, size_px), raw, rcond=None)[0]
-    return coefficients
+    return np.asarray(np.linalg.lstsq(legendre_matrix(known, degree, size_px), raw, rcond=None)[0], dtype=np.float64)
 
 
 def _continued(known: Points, raw: Points, places: Points, size_px: tuple[int, int]) -> Points:

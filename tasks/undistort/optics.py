@@ -1,7 +1,7 @@
 """Distortion models of cameras whose optics were calibrated once: Galileo SSI and New Horizons LORRI."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -94,30 +94,22 @@ def owen_oconnell(em: tuple[float, float, float], pitch_mm: float, y_up: bool) -
     return forward
 
 
-def turned(forward: PointMap, roll_deg: float) -> PointMap:
-    """`forward` after turning undistorted offsets by roll_deg from +x towards +y."""
-    c, s = np.cos(np.radians(roll_deg)), np.sin(np.radians(roll_deg))
-    turn = np.array([[c, -s], [s, c]])
-    return lambda offset: forward(offset @ turn.T)
-
-
 def optics_model(name: str, camera: Camera, parameters: dict[str, Any]) -> OpticsModel | Identity:
     """The model `name` of `camera`; parameters as in the camera file's [distortion].
 
-    none; ssi-cubic, ssi-quadratic (corner_shift_px, corner_px); radial-k1 (k1_per_mm2); lorri-em (em, y_up);
-    roll_deg optionally turns any of the last four. Raises RefusedError for unknown names and missing parameters.
+    none; ssi-cubic, ssi-quadratic (corner_shift_px, corner_px); radial-k1 (k1_per_mm2); lorri-em (em, y_up).
+    Raises RefusedError for unknown names and missing parameters.
     """
-    if name == "none" and not parameters.get("roll_deg"):
+    if name == "none":
         return Identity(camera.size_px)
     if name not in _FORWARD:
         raise RefusedError(
             "distortion-unknown",
             f"camera {camera.name} names the distortion model {name!r}.",
-            f"Known are {', '.join(_FORWARD)} and reseau.",
+            f"Known are {', '.join(OPTICS_NAMES)} and reseau.",
         )
     try:
         forward, is_distort = _FORWARD[name](camera, parameters)
-        roll_deg = float(parameters.get("roll_deg", 0.0))
     except KeyError as error:
         raise RefusedError(
             "distortion-incomplete",
@@ -126,28 +118,13 @@ def optics_model(name: str, camera: Camera, parameters: dict[str, Any]) -> Optic
         ) from error
     raw_centre = tuple(parameters.get("raw_centre_px", camera.centre_px))
     raw_size = camera.detector_size_px
-    model = OpticsModel(name, raw_size, camera.size_px, camera.centre_px, raw_centre, forward, is_distort)
-    if roll_deg == 0:
-        return model
-    return _with_roll(model, roll_deg)
-
-
-def _with_roll(model: OpticsModel, roll_deg: float) -> OpticsModel:
-    if model.forward_is_distort:
-        return replace(model, forward=turned(model.forward, roll_deg))
-    c, s = np.cos(np.radians(roll_deg)), np.sin(np.radians(roll_deg))
-    back, forward = np.array([[c, s], [-s, c]]), model.forward
-    return replace(model, forward=lambda offset: forward(offset) @ back.T)
+    return OpticsModel(name, raw_size, camera.size_px, camera.centre_px, raw_centre, forward, is_distort)
 
 
 def _pitch_mm(camera: Camera) -> float:
     if camera.pixel_pitch_mm is None:
         raise KeyError("pixel_pitch_mm")
     return camera.pixel_pitch_mm
-
-
-def _no_shift(camera: Camera, parameters: dict[str, Any]) -> tuple[PointMap, bool]:  # noqa: ARG001
-    return (lambda offset: offset), True
 
 
 def _power(power: float) -> Callable[[Camera, dict[str, Any]], tuple[PointMap, bool]]:
@@ -169,10 +146,9 @@ def _em(camera: Camera, parameters: dict[str, Any]) -> tuple[PointMap, bool]:
 
 
 _FORWARD: dict[str, Callable[[Camera, dict[str, Any]], tuple[PointMap, bool]]] = {
-    "none": _no_shift,
     "ssi-cubic": _power(3.0),
     "ssi-quadratic": _power(2.0),
     "radial-k1": _k1,
     "lorri-em": _em,
 }
-OPTICS_NAMES = tuple(_FORWARD)
+OPTICS_NAMES = ("none", *_FORWARD)

@@ -2,25 +2,33 @@
 
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 OpticsMethod = Literal["none", "ssi-cubic", "ssi-quadratic", "radial-k1", "lorri-em"]
-MarksMethod = Literal["delaunay"]
+MarksMethod = Literal["radial", "polynomial", "delaunay", "thin-plate"]
 Kernel = Literal["bilinear", "bicubic", "lanczos"]
 
 
 class UndistortSettings(BaseModel):
-    """method: `camera` is what the camera file says (for reseau cameras: delaunay); the others by name.
+    """method: `camera` is what the camera file says (for reseau cameras: thin-plate, which predicts marks best); the
+    others by name (the paper's choice for Voyager is delaunay). degree: of the radial or general polynomial, or of the
+    thin plate's trend; None is the method's default.
 
-    marks: places of the reseau marks: `nominal` from the camera's table, or a table file like those in
-    catalog/reseau. kernel: resampling; bilinear is exact in position, the others place a pixel to 1/64 px. space:
-    `resampled` makes the undistorted image (the paper); `sensor` leaves the pixels alone, for photometry, and geometry
-    goes through the model.
+    marks: `auto` measures the reseau marks in the frame and falls back on the camera's nominal table when too few are
+    found, `found` refuses instead, `nominal` trusts the table; anything else is the path of a table: tab-separated as
+    in catalog/reseau, or a GEOMA or RESLOC file of the PDS Ring Node. fill_marks: inpaint the found marks.
+
+    roll: `published` turns the undistorted frame by the camera file's published_roll_deg. kernel: resampling; bilinear
+    is exact in position, the others place a pixel to 1/64 px. space: `resampled` makes the undistorted image (the
+    paper); `sensor` leaves the pixels alone, for photometry, and geometry goes through the model.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: Literal["camera"] | OpticsMethod | MarksMethod = "camera"
-    marks: str = "nominal"
+    degree: int | None = Field(None, ge=1, le=20)
+    marks: str = "auto"
+    fill_marks: bool = True
+    roll: Literal["none", "published"] = "none"
     kernel: Kernel = "bilinear"
     space: Literal["resampled", "sensor"] = "resampled"

@@ -51,6 +51,13 @@ class TriangleMap:
                 "Check the marks there, or leave the wrong one out.",
             )
 
+    @property
+    def worst_condition_number(self) -> float:
+        """Largest condition number of a triangle's edges: how much its flattest one amplifies errors."""
+        triangles = self.source[self.corners]
+        edges = triangles[:, 1:] - triangles[:, :1]
+        return float(np.linalg.cond(edges).max())
+
     def triangle_of(self, points: Points) -> NDArray[np.int64]:
         """Number of the triangle that holds each source point (n, 2); -1 outside all."""
         return self._triangulation.find_simplex(points).astype(np.int64)

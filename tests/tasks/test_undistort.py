@@ -88,7 +88,8 @@ def test_voyager_becomes_object_space_and_sensor_space_leaves_pixels_alone() -> 
     assert flat.observation.image.shape == (1000, 1000)
     assert kept.observation is raw
     assert kept.evidence["space"] == "sensor"
-    assert flat.evidence["method"] == "delaunay"
+    assert flat.evidence["method"] == "thin-plate"
+    assert flat.evidence["marks"] == "nominal"  # noise shows no marks
     assert kept.model.size_px == (1000, 1000)
 
 

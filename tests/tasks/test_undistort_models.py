@@ -11,6 +11,7 @@ from catalog.reseau import find_reseau_table, reseau_table_names
 from tasks.undistort import UndistortSettings
 from tasks.undistort.choose import chosen_model
 from tasks.undistort.delaunay import DelaunayModel
+from tasks.undistort.mark_set import MarkSet, marks_of_table
 from tasks.undistort.triangles import TriangleMap
 
 RAW, OBJECT = (800, 800), (1000, 1000)
@@ -18,7 +19,7 @@ SSI_ALTERNATIVES = {
     "ssi-cubic": {"corner_shift_px": 1.2},
     "ssi-quadratic": {"corner_shift_px": 1.2},
     "radial-k1": {"k1_per_mm2": -2.4976984e-5},
-    "lorri-em": {"em": [2.717254e-5, -1.903439e-5, -2.880665e-5], "y_up": False, "roll_deg": 0.19},
+    "lorri-em": {"em": [2.717254e-5, -1.903439e-5, -2.880665e-5], "y_up": False},
 }
 
 
@@ -29,8 +30,12 @@ def camera_with(model: str) -> Camera:
 
 
 def nominal(name: str) -> DelaunayModel:
-    table = find_reseau_table(name)
-    return DelaunayModel(table.raw_xy, table.object_xy, RAW, OBJECT)
+    return DelaunayModel(marks_of_table(find_reseau_table(name), RAW, OBJECT))
+
+
+def marks_at(raw_xy: np.ndarray, object_xy: np.ndarray) -> MarkSet:
+    there = np.ones(len(raw_xy), dtype=bool)
+    return MarkSet(raw_xy, object_xy, np.full(len(raw_xy), 0.1), there, ~there, RAW, OBJECT)
 
 
 @pytest.mark.parametrize("model", SSI_ALTERNATIVES)
@@ -106,13 +111,13 @@ def test_collinear_too_few_and_swapped_marks_are_refused() -> None:
     table = find_reseau_table("vg1_na_sn7")
     line = np.stack([np.arange(30.0), 2 * np.arange(30.0)], axis=-1)
     with pytest.raises(RefusedError, match="one line"):
-        DelaunayModel(line, line, RAW, OBJECT)
+        marks_at(line, line)
     with pytest.raises(RefusedError, match="too few"):
-        DelaunayModel(table.raw_xy[:5], table.object_xy[:5], RAW, OBJECT)
+        DelaunayModel(marks_at(table.raw_xy[10:15], table.object_xy[10:15]))
     swapped = table.raw_xy.copy()
     swapped[[100, 101]] = swapped[[101, 100]]
     with pytest.raises(RefusedError, match="turn over"):
-        DelaunayModel(swapped, table.object_xy, RAW, OBJECT)
+        DelaunayModel(marks_at(swapped, table.object_xy))
 
 
 def test_an_unknown_model_and_a_missing_parameter_are_refused_by_name() -> None:
@@ -120,3 +125,17 @@ def test_an_unknown_model_and_a_missing_parameter_are_refused_by_name() -> None:
     for distortion, word in ((Distortion(model="fisheye"), "fisheye"), (Distortion(model="ssi-cubic"), "corner_shift")):
         with pytest.raises(RefusedError, match=word):
             chosen_model(camera.model_copy(update={"distortion": distortion}), UndistortSettings())
+
+
+def test_the_published_roll_turns_the_undistorted_frame() -> None:
+    camera = known_cameras()["newhorizons-lorri"]
+    plain, _ = chosen_model(camera, UndistortSettings(method="lorri-em"))
+    turned, evidence = chosen_model(camera, UndistortSettings(method="lorri-em", roll="published"))
+    corner = np.array([1023.0, 1023.0])
+    moved = turned.undistort_points(plain.distort_points(corner)) - corner
+    assert np.hypot(*moved) == pytest.approx(511.5 * np.sqrt(2) * np.radians(0.191), rel=1e-3)  # 2.4 px
+    assert moved[0] < 0 < moved[1]
+    assert evidence["roll_deg"] == 0.191
+    assert np.abs(turned.distort_points(turned.undistort_points(corner)) - corner).max() < 1e-9
+    with pytest.raises(RefusedError, match="published_roll_deg"):
+        chosen_model(known_cameras()["cassini-nac"], UndistortSettings(roll="published"))
