@@ -13,9 +13,9 @@ from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
 from tasks.attitude.flow import Flow, optical_flow
 from tasks.attitude.kabsch import robust_kabsch
+from tasks.compare.brightness import correlation, fit_brightness
+from tasks.compare.match import Match, match_scene
 from tasks.correction import Correction
-from tasks.point.registration.base import Match, match_under_window
-from tasks.point.registration.intensity import correlation, fit_brightness
 from tasks.project.points import body_points
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -90,12 +90,9 @@ def find_attitude(
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence)
 
 
-def one_turn(
-    observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, reduction: int
-) -> Turn:
+def one_turn(observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, reduction: int) -> Turn:
     """Flow on the shading-free images, vectors carried to the body, robust Kabsch."""
-    simulation = scene.render(pose)
-    match = match_under_window(observation, simulation)
+    match = match_scene(observation, scene, pose)
     image, texture, comparable = without_shading(match, settings.min_lit)
     flow = reduced_flow(image, texture, comparable, settings, reduction)
     good = flow.valid & (flow.correlation >= settings.min_correlation)
@@ -103,11 +100,9 @@ def one_turn(
     evidence: dict[str, Any] = {"vectors": count}
     if count * reduction**2 < settings.min_vectors:
         return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
-    window = simulation.window
     y, x = np.nonzero(good)
-    origin = np.array([window.x0, window.y0])
     centre_of_cell = (reduction - 1) / 2
-    here = np.stack([x, y], axis=-1) * reduction + centre_of_cell + origin
+    here = np.stack([x, y], axis=-1) * reduction + centre_of_cell + match.origin
     there = here + flow.displacement[good] * reduction
     p = body_points(pose, scene.camera, scene.target, here)
     q = body_points(pose, scene.camera, scene.target, there)
@@ -173,6 +168,6 @@ def rotation_sigma_deg(p: NDArray, q: NDArray, rotation: NDArray, independent: f
 
 def likeness(observation: Observation, pose: Pose, scene: Scene) -> float:
     """Correlation of image and brightness-fitted simulation."""
-    match = match_under_window(observation, scene.render(pose))
+    match = match_scene(observation, scene, pose)
     model, _ = fit_brightness(match, match.simulation.bases)
     return correlation(match.image, model, match.usable)

@@ -9,10 +9,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError, RefusedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.match import match_scene
+from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.correction import Correction
 from tasks.point.coarse import find_target
 from tasks.point.registration import REGISTRATIONS, Shift
-from tasks.point.registration.base import match_under_window
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -21,11 +22,13 @@ Progress = Callable[[str, int, str], None]
 
 
 class PointSettings(BaseModel):
-    """coarse: search the whole frame first. min_score, min_correlation: below these the target counts as not found."""
+    """coarse: search the whole frame first. diameter_px: larger disks are first settled at reduced resolution.
+    min_score, min_correlation: below these the target counts as not found."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    registration: Literal["intensity"] = "intensity"
+    registration: Literal["intensity", "limb"] = "intensity"
     coarse: bool = True
+    diameter_px: float = Field(300.0, gt=0)
     stop_px: float = Field(0.02, gt=0)
     max_iterations: int = Field(12, ge=1, le=100)
     min_overlap: float = Field(0.25, gt=0, le=1)
@@ -76,6 +79,10 @@ def find_pointing(
         start = found.pose
         if progress:
             progress("point", 0, f"coarse search: correlation {found.score:.3f}")
+    n = reduction_for(start, scene, settings.diameter_px) if settings.coarse else 1
+    if n > 1:
+        near = settings.model_copy(update={"stop_px": 0.5})
+        start, _, _ = settle(reduced_observation(observation, n), start, reduced_scene(scene, n), near, progress)
     settled, shift, history = settle(observation, start, scene, settings, progress)
     if not shift.quality >= settings.min_correlation:
         raise RefusedError(
@@ -107,7 +114,7 @@ def settle(
     register = REGISTRATIONS[settings.registration]
     history: list[list[float]] = []
     for iteration in range(1, settings.max_iterations + 1):
-        shift = register(match_under_window(observation, scene.render(pose)))
+        shift = register(match_scene(observation, scene, pose))
         history.append(shift.offset_px.tolist())
         pose = pose_moved_by(pose, scene.camera, shift.offset_px)
         length = float(np.hypot(*shift.offset_px))

@@ -11,26 +11,22 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.brightness import brightness_columns, fit_brightness, robust_least_squares
+from tasks.compare.match import Match, framed_window, match_scene
+from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
+from tasks.compare.similarity import ssim
 from tasks.correction import Correction
-from tasks.point.registration.base import Match, match_under_window
-from tasks.point.registration.intensity import (
-    background_columns,
-    fit_brightness,
-    gauss_newton_step,
-    moved,
-    robust_least_squares,
-)
+from tasks.point.registration.intensity import gauss_newton_step, moved
 from tasks.point.rotation import pose_moved_by
-from tasks.range.similarity import ssim
-from tasks.simulate import Scene, Simulation
+from tasks.simulate import Scene
 
 Progress = Callable[[str, int, str], None]
 
 
-class RangeSettings(BaseModel):
+class ScanSettings(BaseModel):
     """low, high, step: the paper's scan of 0.99-1.01; it is widened by `widen` at a time, at most to `limit` from 1,
     while the best factor is at an edge. refine_step: spacing of the three fresh renders that the parabola goes through.
-    """
+    diameter_px: larger disks are compared at reduced resolution."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     low: float = Field(0.99, gt=0)
@@ -40,6 +36,7 @@ class RangeSettings(BaseModel):
     limit: float = Field(0.06, gt=0, lt=0.5)
     refine_step: float = Field(0.0015, gt=0)
     max_refinements: int = Field(6, ge=1)
+    diameter_px: float = Field(300.0, gt=0)
 
 
 @dataclass(frozen=True)
@@ -51,8 +48,8 @@ class Trial:
     offset_px: NDArray[np.float64]
 
 
-def find_range(
-    observation: Observation, pose: Pose, scene: Scene, settings: RangeSettings, progress: Progress | None = None
+def find_range_by_similarity(
+    observation: Observation, pose: Pose, scene: Scene, settings: ScanSettings, progress: Progress | None = None
 ) -> Correction:
     """Correct the distance to the target along the line of sight.
 
@@ -62,18 +59,22 @@ def find_range(
 
     Raises FailedError when the similarity has no maximum within the limit.
     """
-    simulation = scene.render(pose, scene.window(pose.with_range_factor(1 - settings.limit)))
-    match = match_under_window(observation, simulation)
-    centre = scene.camera.project(pose.target_in_camera_km) - [simulation.window.x0, simulation.window.y0]
-    trials, widened = scan(match, centre, settings)
+    camera = scene.camera
+    n = reduction_for(pose, scene, settings.diameter_px)
+    observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
+    match = match_scene(observation, scene, pose, framed_window(scene, pose.with_range_factor(1 - settings.limit)))
+    trials, widened = scan(match, settings)
     best = max(trials, key=lambda trial: trial.similarity)
     if progress:
         progress("range", 1, f"scan of {len(trials)} factors: {best.factor:.4f}")
     refined, curvature = refine(observation, pose, scene, best, settings, progress)
     before = min(trials, key=lambda trial: abs(trial.factor - 1.0))
     corrected = pose_moved_by(pose, scene.camera, refined.offset_px).with_range_factor(refined.factor)
+    moved_px = camera.project(corrected.target_in_camera_km) - camera.project(pose.target_in_camera_km)
     evidence: dict[str, Any] = {
-        "scan": [[round(t.factor, 6), round(t.similarity, 6)] for t in trials],
+        "method": "ssim",
+        "reduction": n,
+        "scan": [[round(float(t.factor), 6), round(t.similarity, 6)] for t in trials],
         "widened": widened,
         "similarity_before": before.similarity,
         "similarity_after": refined.similarity,
@@ -82,17 +83,17 @@ def find_range(
     return Correction(
         step="range",
         pose=corrected,
-        changed={"range_factor": refined.factor, "offset_px": refined.offset_px.tolist()},
-        uncertainty={"range_factor": range_sigma(observation, corrected, scene)},
+        changed={"range_factor": float(refined.factor), "offset_px": moved_px.tolist()},
+        uncertainty={"range_factor": radial_sigma(match_scene(observation, scene, corrected))},
         evidence=evidence,
     )
 
 
-def scan(match: Match, centre_px: NDArray[np.float64], settings: RangeSettings) -> tuple[list[Trial], bool]:
+def scan(match: Match, settings: ScanSettings) -> tuple[list[Trial], bool]:
     """Similarity over the grid of factors, widened while the best is at an edge; trials sorted by factor."""
     low, high = settings.low, settings.high
     factors = np.arange(low, high + settings.step / 2, settings.step)
-    trials = [scaled_trial(match, centre_px, factor) for factor in factors]
+    trials = [scaled_trial(match, factor) for factor in factors]
     widened = False
     while True:
         best = int(np.argmax([trial.similarity for trial in trials]))
@@ -108,20 +109,20 @@ def scan(match: Match, centre_px: NDArray[np.float64], settings: RangeSettings) 
             )
         if low_side:
             added = np.arange(low - settings.widen, low - settings.step / 2, settings.step)
-            trials = [*(scaled_trial(match, centre_px, f) for f in added), *trials]
+            trials = [*(scaled_trial(match, f) for f in added), *trials]
             low -= settings.widen
         else:
             added = np.arange(high + settings.step, high + settings.widen + settings.step / 2, settings.step)
-            trials = [*trials, *(scaled_trial(match, centre_px, f) for f in added)]
+            trials = [*trials, *(scaled_trial(match, f) for f in added)]
             high += settings.widen
 
 
-def scaled_trial(match: Match, centre_px: NDArray[np.float64], factor: float) -> Trial:
+def scaled_trial(match: Match, factor: float) -> Trial:
     """Similarity after scaling the simulated bases about the target's centre by 1 / factor."""
     import cv2
 
     ny, nx = match.image.shape
-    scale = 1.0 / factor
+    scale, centre_px = 1.0 / factor, match.centre_px
     transform = np.array([[scale, 0, centre_px[0] * (1 - scale)], [0, scale, centre_px[1] * (1 - scale)]])
     bases = np.stack(
         [
@@ -147,7 +148,7 @@ def refine(
     pose: Pose,
     scene: Scene,
     start: Trial,
-    settings: RangeSettings,
+    settings: ScanSettings,
     progress: Progress | None,
 ) -> tuple[Trial, float]:
     """Maximum of a parabola through fresh renders around `start`; moves on while the maximum is at an end.
@@ -155,14 +156,14 @@ def refine(
     Scaled images are a little blurred except at factor 1, which would draw the maximum there; renders are not.
     """
     # One window for all, so that every factor is judged on the same pixels.
-    window = scene.window(pose.with_range_factor(start.factor - 4 * settings.refine_step))
+    window = framed_window(scene, pose.with_range_factor(start.factor - 4 * settings.refine_step))
     rendered: dict[int, Trial] = {}
 
     def at(index: int) -> Trial:
         if index not in rendered:
             factor = start.factor + index * settings.refine_step
             moved_pose = pose_moved_by(pose, scene.camera, start.offset_px).with_range_factor(factor)
-            match = match_under_window(observation, scene.render(moved_pose, window))
+            match = match_scene(observation, scene, moved_pose, window)
             trial = trial_of(match, match.simulation.bases, factor)
             rendered[index] = Trial(factor, trial.similarity, start.offset_px + trial.offset_px)
             if progress:
@@ -185,20 +186,12 @@ def refine(
     return Trial(here.factor + lean * settings.refine_step, top, offset), curvature / settings.refine_step**2
 
 
-def range_sigma(observation: Observation, pose: Pose, scene: Scene) -> float:
+def radial_sigma(match: Match) -> float:
     """1-sigma of the range factor from least squares with offset and brightness solved along; scaled by residuals."""
-    simulation = scene.render(pose)
-    match = match_under_window(observation, simulation)
-    return radial_sigma(match, simulation, scene.camera.project(pose.target_in_camera_km))
-
-
-def radial_sigma(match: Match, simulation: Simulation, centre_px: NDArray[np.float64]) -> float:
-    """The covariance's square root of the column d(model)/d(range factor)."""
-    model, _ = fit_brightness(match, simulation.bases)
+    model, _ = fit_brightness(match, match.simulation.bases)
     d_row, d_column = np.gradient(model)
-    ny, nx = model.shape
-    y, x = np.mgrid[:ny, :nx]
-    radial = d_column * (x + simulation.window.x0 - centre_px[0]) + d_row * (y + simulation.window.y0 - centre_px[1])
-    columns = [*simulation.bases, *background_columns(model.shape), -d_column, -d_row, radial]
-    _, covariance, _ = robust_least_squares(np.stack([c.astype(np.float64) for c in columns]), match.image, match.weight)
+    y, x = np.mgrid[: model.shape[0], : model.shape[1]]
+    radial = d_column * (x - match.centre_px[0]) + d_row * (y - match.centre_px[1])
+    columns = np.concatenate([brightness_columns(match.simulation.bases), [-d_column, -d_row, radial]])
+    _, covariance, _ = robust_least_squares(columns, match.image, match.weight)
     return float(np.sqrt(max(covariance[-1, -1], 0)))

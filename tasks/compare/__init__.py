@@ -1,0 +1,1 @@
+"""Compare: image against simulation, by brightness, similarity and limb. Shared by the correction steps."""

@@ -1,0 +1,98 @@
+"""Where image and simulation have the edge of the lit limb, segment by segment (paper, section 4.2)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field
+
+from tasks.compare.brightness import fit_brightness
+from tasks.compare.match import Match
+from tasks.compare.segments import Segments, limb_segments, profiles
+
+Array = NDArray[np.float64]
+# A limb within this cosine of the sub-solar side counts as fully lit, however low the Sun stands there.
+LIT_SIDE_COSINE = 0.6
+
+
+class LimbSettings(BaseModel):
+    """half_px: reach of a segment to each side. smooth_px: Gaussian width of the derivative. max_incidence_deg: only
+    limb points better lit than this, or on the sub-solar side when the phase angle is low. min_contrast: a segment's
+    simulated step, in sigmas of the noise."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    half_px: int = Field(8, ge=3)
+    smooth_px: float = Field(1.0, ge=0)
+    max_incidence_deg: float = Field(80.0, gt=0, le=90)
+    min_contrast: float = Field(5.0, ge=0)
+    min_points: int = Field(16, ge=3)
+
+
+@dataclass(frozen=True)
+class LimbEdges:
+    """segments: those measured (n). shift_px: (n,) image minus simulation along each segment. tried: how many lit
+    segments lay on usable pixels. model: the fitted simulation (ny, nx)."""
+
+    segments: Segments
+    shift_px: Array
+    tried: int
+    model: Array
+
+    @property
+    def across_px(self) -> Array:
+        """The shifts' part across the limb, outward (n,)."""
+        normal = self.segments.normal
+        return self.shift_px * np.where(self.segments.horizontal, normal[:, 0], normal[:, 1])
+
+
+def measure_limb(match: Match, settings: LimbSettings) -> LimbEdges:
+    """Shift of the derivative's extremum between image and simulation on every segment across the lit limb."""
+    model, _ = fit_brightness(match, match.simulation.bases)
+    segments = usable_segments(limb_segments(match.pose, match.scene), match, model, settings)
+    seen, simulated = (
+        edge_position(profiles(image, segments, match.origin, settings.half_px), segments, settings)
+        for image in (match.image.astype(np.float64), model)
+    )
+    shift = seen - simulated
+    measured = np.isfinite(shift)
+    return LimbEdges(segments.chosen(measured), shift[measured], len(segments), model)
+
+
+def lit_limit_deg(phase_deg: float, settings: LimbSettings) -> float:
+    """Largest incidence of a limb point that is compared."""
+    sub_solar_side = 90 - np.degrees(np.arcsin(LIT_SIDE_COSINE * np.sin(np.radians(min(phase_deg, 90.0)))))
+    return float(max(settings.max_incidence_deg, min(sub_solar_side, 89.5)))
+
+
+def usable_segments(segments: Segments, match: Match, model: Array, settings: LimbSettings) -> Segments:
+    """Lit segments wholly on usable pixels whose simulated step stands out of the noise."""
+    lit = segments.chosen(segments.incidence_deg < lit_limit_deg(match.pose.phase_deg, settings))
+    usable = profiles(match.usable.astype(np.float64), lit, match.origin, settings.half_px)
+    steps = profiles(model, lit, match.origin, settings.half_px)
+    clear = (usable == 1).all(axis=1)
+    lit, steps = lit.chosen(clear), steps[clear]
+    if len(lit) == 0:
+        return lit
+    sky = match.usable & (match.simulation.coverage < 1e-3)
+    noise = 1.4826 * float(np.median(np.abs(match.image[sky] - np.median(match.image[sky])))) if sky.any() else 0.0
+    return lit.chosen(steps.max(axis=1) - steps.min(axis=1) > settings.min_contrast * noise)
+
+
+def edge_position(values: Array, segments: Segments, settings: LimbSettings) -> Array:
+    """Where the brightness falls fastest outward along each segment (n,), px from the nearest pixel of the crossing;
+    parabola through the extremum of the smoothed derivative. NaN where the extremum is at an end."""
+    from scipy.ndimage import gaussian_filter1d
+
+    if len(segments) == 0:
+        return np.zeros(0)
+    smooth = gaussian_filter1d(values, max(settings.smooth_px, 1e-3), axis=1, mode="nearest")
+    outward = np.sign(np.where(segments.horizontal, segments.normal[:, 0], segments.normal[:, 1]))
+    fall = -outward[:, None] * (smooth[:, 2:] - smooth[:, :-2]) / 2
+    best = np.argmax(fall, axis=1)
+    inner = np.clip(best, 1, fall.shape[1] - 2)
+    rows = np.arange(len(fall))
+    left, here, right = fall[rows, inner - 1], fall[rows, inner], fall[rows, inner + 1]
+    curvature = left - 2 * here + right
+    peak = np.divide(0.5 * (left - right), curvature, out=np.full_like(here, np.nan), where=curvature < 0)
+    position = inner + 1 - settings.half_px + np.clip(peak, -1, 1)
+    return np.where((best == inner) & (here > 0), position, np.nan)

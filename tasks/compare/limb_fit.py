@@ -1,0 +1,56 @@
+"""Least squares on limb shifts: how far the disk must move, and grow, to put the simulated limb on the image's."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import FailedError
+from tasks.compare.limb_edges import LimbEdges
+
+Array = NDArray[np.float64]
+HUBER = 2.0
+ROUNDS = 20
+# Neighbouring segments share pixels of the blur: so many of them count as one measurement.
+CORRELATED_SEGMENTS = 3.0
+
+
+@dataclass(frozen=True)
+class LimbFit:
+    """offset_px (2,) of the disk; growth: relative change of its radius (0 when held). covariance: (3, 3) of both, rows
+    of a held growth zero. residual_px: robust sigma left."""
+
+    offset_px: Array
+    growth: float
+    covariance: Array
+    residual_px: float
+
+
+def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points: int) -> LimbFit:
+    """Robust (Huber) fit of the shifts across the limb, n . offset + rho growth, with n the outward normal and rho the
+    limb's distance from the centre along n. centre_px: (2,) in the frame.
+
+    Raises FailedError when fewer than `min_points` segments were measured.
+    """
+    if len(edges.shift_px) < min_points:
+        raise FailedError(
+            "limb-not-measured",
+            f"only {len(edges.shift_px)} segments of the lit limb could be measured, needed {min_points}.",
+            "Too little of the lit limb is in the frame, or range and pointing are far off.",
+        )
+    normal = edges.segments.normal
+    rho = np.einsum("ij,ij->i", edges.segments.xy_px - centre_px, normal)
+    design = np.column_stack([normal, rho]) if solve_growth else normal
+    values = edges.across_px
+    weight = np.ones(len(values))
+    for _ in range(ROUNDS):
+        weighted = design * weight[:, None]
+        solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
+        residual = np.abs(values - design @ solution)
+        sigma = max(1.4826 * float(np.median(residual)), 1e-6)
+        weight = np.minimum(1.0, HUBER * sigma / np.maximum(residual, 1e-12))
+    normal_matrix = (design * weight[:, None]).T @ design / CORRELATED_SEGMENTS
+    covariance = np.zeros((3, 3))
+    size = design.shape[1]
+    covariance[:size, :size] = np.linalg.pinv(normal_matrix) * sigma**2
+    return LimbFit(solution[:2], float(solution[2]) if solve_growth else 0.0, covariance, sigma)

@@ -1,0 +1,78 @@
+"""Range from the lit limb: the growth that puts the simulated limb on the image's, solved with the offset."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field
+
+from catalog.errors import FailedError
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.compare.limb_edges import LimbSettings, measure_limb
+from tasks.compare.limb_fit import LimbFit, fit_limb
+from tasks.compare.match import match_scene
+from tasks.correction import Correction
+from tasks.point.rotation import pose_moved_by
+from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
+
+Progress = Callable[[str, int, str], None]
+
+
+class LimbRangeSettings(BaseModel):
+    """stop_px: the loop ends when neither limb nor centre moves by more. limit: largest change of the range factor."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    stop_px: float = Field(0.02, gt=0)
+    max_iterations: int = Field(12, ge=1, le=100)
+    limit: float = Field(0.06, gt=0, lt=0.5)
+    edges: LimbSettings = LimbSettings()
+
+
+def find_range_by_limb(
+    observation: Observation, pose: Pose, scene: Scene, settings: LimbRangeSettings, progress: Progress | None = None
+) -> Correction:
+    """Correct distance and pointing together by least squares on limb segments, rendering again until nothing moves.
+
+    Raises FailedError when too little limb is measured, the loop does not settle, or the range leaves the limit.
+    """
+    camera, corrected = scene.camera, pose
+    history: list[list[float]] = []
+    for iteration in range(1, settings.max_iterations + 1):
+        edges = measure_limb(match_scene(observation, scene, corrected), settings.edges)
+        centre = camera.project(corrected.target_in_camera_km)
+        fit = fit_limb(edges, centre, solve_growth=True, min_points=settings.edges.min_points)
+        corrected = pose_moved_by(corrected, camera, fit.offset_px).with_range_factor(1 / (1 + fit.growth))
+        moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * disk_radius_px(pose, camera, scene.target))
+        history.append([*fit.offset_px.tolist(), fit.growth])
+        factor = corrected.range_km / pose.range_km
+        if progress:
+            progress("range", iteration, f"factor {factor:.5f}, moved {moved:.3f} px")
+        if abs(factor - 1) > settings.limit:
+            raise FailedError(
+                "range-out-of-bounds",
+                f"the limb asks for a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
+                "Check the range and the target's radii, or raise the profile's range limit.",
+            )
+        if moved < settings.stop_px:
+            return _correction(pose, corrected, scene, fit, history)
+    raise FailedError(
+        "did-not-converge",
+        f"range and pointing by the limb did not settle in {settings.max_iterations} iterations; "
+        f"growths were {', '.join(f'{step[2]:.5f}' for step in history)}.",
+    )
+
+
+def _correction(pose: Pose, corrected: Pose, scene: Scene, fit: LimbFit, history: list[list[float]]) -> Correction:
+    camera = scene.camera
+    offset = camera.project(corrected.target_in_camera_km) - camera.project(pose.target_in_camera_km)
+    sigma = np.sqrt(np.diag(fit.covariance))
+    evidence: dict[str, Any] = {"method": "limb", "history": history, "residual_px": fit.residual_px}
+    return Correction(
+        step="range",
+        pose=corrected,
+        changed={"range_factor": corrected.range_km / pose.range_km, "offset_px": offset.tolist()},
+        uncertainty={"range_factor": float(sigma[2]), "offset_px": sigma[:2].tolist()},
+        evidence=evidence,
+    )
