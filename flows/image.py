@@ -99,7 +99,7 @@ def pose_inputs(chain: Chain, step: str) -> Any:
 
 def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict[str, Any], basemap: Any) -> str:
     """One of point, range, attitude; returns the step's name. Only the first pass searches the whole frame."""
-    settings = chain.request.profile.settings_of(correction)
+    settings = chain.request.profile.settings_of(correction, number)
     if correction == "point" and number > 1:
         settings["coarse"] = False
     name = f"{correction}-{number}"

@@ -28,6 +28,15 @@ class AcceptSettings(BaseModel):
     require_limb: bool = True
 
 
+class LaterPasses(BaseModel):
+    """Settings of the corrections from the second pass on; None keeps those of the first."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    point: PointSettings | None = None
+    range: RangeSettings | None = None
+    attitude: AttitudeSettings | None = None
+
+
 class Profile(BaseModel):
     """The settings of all steps. passes: how often point, range and attitude are done in turn."""
 
@@ -39,6 +48,7 @@ class Profile(BaseModel):
     point: PointSettings = PointSettings()
     range: RangeSettings = RangeSettings()
     attitude: AttitudeSettings = AttitudeSettings()
+    later: LaterPasses = LaterPasses()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
 
@@ -46,9 +56,11 @@ class Profile(BaseModel):
         """Every setting with its value, defaults included, as plain JSON."""
         return self.model_dump(mode="json", by_alias=True)
 
-    def settings_of(self, step: str) -> dict[str, Any]:
-        """Settings of one step as plain JSON."""
-        return dict(self.resolved()[step])
+    def settings_of(self, step: str, number: int = 1) -> dict[str, Any]:
+        """Settings of one step in pass `number` as plain JSON."""
+        everything = self.resolved()
+        later = everything["later"].get(step) if number > 1 else None
+        return dict(later or everything[step])
 
 
 @cache

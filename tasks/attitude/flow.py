@@ -80,7 +80,7 @@ def away_from_edge(shape: tuple[int, int], search_px: int) -> NDArray[np.bool_]:
 def peaks(
     scores: NDArray[np.float32], reach: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Best displacement (ny, nx, 2) with parabolic sub-pixel part, its score, and whether it is off the search's edge."""
+    """Best displacement (ny, nx, 2) with its sub-pixel part, its score, and whether it is off the search's edge."""
     size = 2 * reach + 1
     flat = scores.reshape(size * size, *scores.shape[2:])
     best = np.argmax(flat, axis=0)

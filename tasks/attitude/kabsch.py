@@ -24,8 +24,8 @@ def kabsch(p: NDArray, q: NDArray, weight: NDArray | None = None) -> NDArray[np.
 def robust_kabsch(
     p: NDArray, q: NDArray, weight: NDArray, tolerance: float = 3.0, rounds: int = 10
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Kabsch with outliers rejected: pairs whose residual exceeds `tolerance` times the
-    median are left out, until the set no longer changes. Returns the rotation and the kept mask (n,). Raises ValueError as `kabsch`."""
+    """Kabsch with outliers rejected: pairs whose residual exceeds `tolerance` times the median are left out, until the
+    set no longer changes. Returns the rotation and the kept mask (n,). Raises ValueError as `kabsch`."""
     kept = np.ones(len(p), bool)
     rotation = kabsch(p, q, weight)
     for _ in range(rounds):

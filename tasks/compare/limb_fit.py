@@ -53,4 +53,4 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
     covariance = np.zeros((3, 3))
     size = design.shape[1]
     covariance[:size, :size] = np.linalg.pinv(normal_matrix) * sigma**2
-    return LimbFit(solution[:2], float(solution[2]) if solve_growth else 0.0, covariance, sigma)
+    return LimbFit(np.asarray(solution[:2], np.float64), float(solution[2]) if solve_growth else 0.0, covariance, sigma)

@@ -48,8 +48,8 @@ def reduced_observation(observation: Observation, n: int) -> Observation:
         image = _cells(np.where(observation.usable, observation.image, 0), n) / count
         noise = np.sqrt(_cells(np.where(observation.usable, observation.noise, 0).astype(np.float64) ** 2, n) / count)
     good = count >= 0.5
-    image, noise = (np.where(good, a, 0).astype(np.float32) for a in (image, noise / n))
-    return Observation(image, noise, np.where(good, 0, int(Quality.MISSING)).astype(np.uint16))
+    kept_image, kept_noise = (np.where(good, a, 0).astype(np.float32) for a in (image, noise / n))
+    return Observation(kept_image, kept_noise, np.where(good, 0, int(Quality.MISSING)).astype(np.uint16))
 
 
 def _cells(a: NDArray, n: int) -> NDArray[np.float64]:

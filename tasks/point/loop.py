@@ -125,7 +125,7 @@ def settle(
     raise FailedError(
         "did-not-converge",
         f"pointing did not converge in {settings.max_iterations} iterations; moves were "
-        + ", ".join(f"{np.hypot(*move):.3f}" for move in history)
+        + ", ".join(f"{np.hypot(move[0], move[1]):.3f}" for move in history)
         + " px.",
         "Check range and Sun direction, or try another registration.",
     )

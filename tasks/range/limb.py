@@ -21,7 +21,8 @@ Progress = Callable[[str, int, str], None]
 
 
 class LimbRangeSettings(BaseModel):
-    """stop_px: the loop ends when neither limb nor centre moves by more. limit: largest change of the range factor."""
+    """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their error.
+    limit: largest change of the range factor."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     stop_px: float = Field(0.02, gt=0)
@@ -44,7 +45,10 @@ def find_range_by_limb(
         centre = camera.project(corrected.target_in_camera_km)
         fit = fit_limb(edges, centre, solve_growth=True, min_points=settings.edges.min_points)
         corrected = pose_moved_by(corrected, camera, fit.offset_px).with_range_factor(1 / (1 + fit.growth))
-        moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * disk_radius_px(pose, camera, scene.target))
+        radius = disk_radius_px(pose, camera, scene.target)
+        moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * radius)
+        # Segments come and go between renders: below its own error the fit only wanders.
+        noise_px = float(np.sqrt(fit.covariance[2, 2])) * radius / 2
         history.append([*fit.offset_px.tolist(), fit.growth])
         factor = corrected.range_km / pose.range_km
         if progress:
@@ -55,7 +59,7 @@ def find_range_by_limb(
                 f"the limb asks for a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
                 "Check the range and the target's radii, or raise the profile's range limit.",
             )
-        if moved < settings.stop_px:
+        if moved < max(settings.stop_px, noise_px):
             return _correction(pose, corrected, scene, fit, history)
     raise FailedError(
         "did-not-converge",

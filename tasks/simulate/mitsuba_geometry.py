@@ -23,7 +23,9 @@ def _mitsuba() -> Any:
     return mitsuba
 
 
-def render_positions(pose: Pose, camera: Camera, target: Target, window: Window, oversample: int) -> NDArray[np.float32]:
+def render_positions(
+    pose: Pose, camera: Camera, target: Target, window: Window, oversample: int
+) -> NDArray[np.float32]:
     """Body-fixed surface points (ny*s, nx*s, 3), in units of the mean radius, seen through the centres of an s x s
     grid of sub-pixels of `window`; zero where the ray misses.
 

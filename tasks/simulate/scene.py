@@ -1,6 +1,6 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -63,7 +63,7 @@ class Scene:
     camera: Camera
     target: Target
     basemap: BaseMap
-    settings: SceneSettings = SceneSettings()
+    settings: SceneSettings = field(default_factory=SceneSettings)
 
     @property
     def psf_sigma_px(self) -> float:

@@ -91,13 +91,11 @@ def _quality(model: FittedModel) -> dict[str, Any]:
 
 
 def _fitted_to_table(camera: Camera, name: str, method: str, degree: int | None) -> FittedModel:
-    nominal = table_of(camera)
-    if nominal is None:
-        raise AssertionError("only reseau cameras get here")
+    nominal = str(_given(camera, "table"))
     if name == "nominal":
-        return _fitted_to_nominal(nominal.name, camera.detector_size_px, camera.size_px, method, degree)
-    path = Path(name)
-    table = read_archive_marks(path, nominal) if is_archive_table(path) else find_reseau_table(name)
+        return _fitted_to_nominal(nominal, camera.detector_size_px, camera.size_px, method, degree)
+    is_archive = is_archive_table(Path(name))
+    table = read_archive_marks(Path(name), find_reseau_table(nominal)) if is_archive else find_reseau_table(name)
     return fit_model(method, marks_of_table(table, camera.detector_size_px, camera.size_px), degree)
 
 

@@ -6,13 +6,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.undistort.mark_set import MarkSet
+from tasks.undistort.smooth_model import SmoothModel
+from tasks.undistort.thin_plate import fit_thin_plate
+
 WINDOW_PX = 41
 STEP_PX = 20
 REACH_PX = 8
 LIKENESS_NEEDED = 0.7
+LARGEST_SIGMA_PX = 0.1
+CORRELATED_PIXELS = 9.0  # what differs between two products (texture, calibration) is correlated over about 3x3
 REFINING_STEPS = 12
 USABLE_FRACTION = 0.97
-CONSISTENT_PX = 0.25
+RESIDUAL_DEGREE = 3
+WINDOW_SIGMA_PX = 0.3  # neighbouring windows overlap, so each counts less than a mark
 
 Array = NDArray[np.float64]
 
@@ -43,6 +50,17 @@ class DisplacementField:
         }
 
 
+def residual_model(field: DisplacementField, size_px: tuple[int, int], degree: int = RESIDUAL_DEGREE) -> SmoothModel:
+    """Distortion that is left in the second image of a displacement field, the first taken for true: the thin plate
+    through the measured shifts. `resampled` with it corrects the second image.
+
+    Raises RefusedError when too few windows could be measured.
+    """
+    there = np.ones(len(field.xy), dtype=bool)
+    marks = MarkSet(field.xy + field.shift_px, field.xy, WINDOW_SIGMA_PX * there, there, ~there, size_px, size_px)
+    return fit_thin_plate(marks, degree)
+
+
 def displacement_field(
     first: NDArray[np.float32],
     second: NDArray[np.float32],
@@ -53,8 +71,9 @@ def displacement_field(
     """Measure where each patch of `first` (ny, nx) lies in `second` (ny, nx), both in the same frame.
 
     usable (ny, nx): pixels that count in both; windows with fewer than 97 % of them are left out. Normalised
-    cross-correlation finds the whole pixel within `REACH_PX`, least squares on shift, gain and offset the rest; patches
-    that correlate less than `LIKENESS_NEEDED` are left out. Gain and offset may differ between the images.
+    cross-correlation finds the whole pixel within `REACH_PX`, least squares on shift, gain and offset the rest. Patches
+    that correlate less than `LIKENESS_NEEDED`, or whose shift is uncertain by more than `LARGEST_SIGMA_PX` in some
+    direction (along a bare limb), are left out. Gain and offset may differ between the images.
     """
     import cv2
 
@@ -97,7 +116,7 @@ def _refined(patch: NDArray[np.float32], second: NDArray[np.float32], at: Array,
 
     size = (patch.shape[1], patch.shape[0])
     start = shift
-    likeness = 0.0
+    likeness, sigma_px = 0.0, np.inf
     for _ in range(REFINING_STEPS):
         place = at + shift
         moved = cv2.getRectSubPix(second, size, (float(place[0]), float(place[1])))
@@ -109,8 +128,12 @@ def _refined(patch: NDArray[np.float32], second: NDArray[np.float32], at: Array,
         gain = np.sqrt((a * a).sum() / (b * b).sum())
         down, across = np.gradient(0.5 * (a + gain * b))
         design = np.stack([across.ravel(), down.ravel(), b.ravel(), np.ones(b.size)], axis=1)
-        step = np.linalg.lstsq(design, (a - gain * b).ravel(), rcond=None)[0][:2]
+        difference = (a - gain * b).ravel()
+        step = np.linalg.lstsq(design, difference, rcond=None)[0][:2]
         shift = shift + np.clip(step, -0.5, 0.5)
+        weakest = np.linalg.eigvalsh(design[:, :2].T @ design[:, :2])[0]
+        sigma_px = np.sqrt(difference.var() * CORRELATED_PIXELS / max(float(weakest), 1e-12))
         if np.abs(step).max() < 1e-3:
             break
-    return (shift, likeness) if np.abs(shift - start).max() < 1.5 else (shift, 0.0)
+    sure = sigma_px <= LARGEST_SIGMA_PX and np.abs(shift - start).max() < 1.5
+    return shift, likeness if sure else 0.0
