@@ -1,8 +1,11 @@
 """Prefect's settings for the command line: the user's own Prefect stays as it is, and stdout stays ours."""
 
 import os
+import sys
+import urllib.error
+import urllib.request
 
-from flows.server import ensure_server, server_files
+from flows.server import HEALTH_TIMEOUT_S, ensure_server, server_files
 
 QUIET = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
@@ -10,6 +13,8 @@ QUIET = {
     "PREFECT_LOGGING_EXTRA_LOGGERS": "planetpose",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
     "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # reasons are told once, in the result
+    "PREFECT_INTERNAL_LOGGING_LEVEL": "CRITICAL",
+    "PREFECT_CLIENT_MAX_RETRIES": "3",
     "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "180",
 }
 EMBEDDED, LOCAL = "embedded", "local"
@@ -32,3 +37,18 @@ def prepare(choice: str) -> None:
         os.environ["PREFECT_API_URL"] = ensure_server()
     else:
         os.environ["PREFECT_API_URL"] = choice
+
+
+def server_is_lost() -> bool:
+    """Whether Prefect was used in this process and its server does not answer any more; at exit Prefect would then try
+    for minutes to send it what happened."""
+    url = os.environ.get("PREFECT_API_URL")
+    if "prefect" not in sys.modules or not url:
+        return False
+    try:
+        with urllib.request.urlopen(f"{url}/health", timeout=HEALTH_TIMEOUT_S):
+            return False
+    except urllib.error.HTTPError:  # it answers, if only to say no
+        return False
+    except (OSError, ValueError):
+        return True

@@ -7,10 +7,11 @@ from typing import Any
 from catalog.errors import RefusedError
 from flows.chain import Chain, only_cached
 from flows.plan import answer_from_cache, twins
+from flows.prefect_settings import prepare, server_is_lost
 from flows.progress import Reporter
 from flows.request import Request
 from flows.result import result_of
-from flows.server import in_use, server_files
+from flows.server import ServerError, in_use, server_files
 
 Result = dict[str, Any]
 Tell = Callable[[Result], None]
@@ -59,7 +60,8 @@ def run_requests(requests: list[Request], server: str, workers: int, reporter: R
         try:
             run_with_prefect([requests[i] for i in pending], server, workers, reporter, ordered, pending)
         except Exception as error:  # server lost or not to be started: every image still gets its result
-            logger.exception("the flow ended by %s", type(error).__name__)
+            explained = isinstance(error, ServerError) or server_is_lost()
+            logger.error("the flow ended by %s: %s", type(error).__name__, error, exc_info=not explained)
             for position in ordered.missing:
                 ordered.put(position, orchestration_failed(requests[position], error))
     return ordered.results()
@@ -82,8 +84,6 @@ def run_with_prefect(
     requests: list[Request], server: str, workers: int, reporter: Reporter, ordered: InOrder, positions: list[int]
 ) -> None:
     """Run the flow `correct` in this process and put its results at `positions`."""
-    from flows.prefect_settings import prepare
-
     prepare(server)
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 

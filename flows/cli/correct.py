@@ -1,7 +1,6 @@
 """planetpose correct FILE..."""
 
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -40,7 +39,7 @@ def correct(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Correct the geometry of images and publish cubes."""
-    from flows.cli.output import clean_stdout, log_to_stderr, write_json
+    from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.request import Request
@@ -72,7 +71,7 @@ def correct(
             told,
             lambda result: write_json(answer, result) if json else print(one_line(result), file=answer, flush=True),
         )
-    sys.exit(exit_status(results))
+    end_process(exit_status(results))
 
 
 def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":

@@ -44,6 +44,11 @@ def prefect_api(server_state: Path) -> Iterator[str]:
 
         with temporary_settings({PREFECT_API_URL: url, PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
             yield url
+            from prefect.events.worker import EventsWorker
+            from prefect.logging.handlers import APILogWorker
+
+            for worker in (EventsWorker, APILogWorker):  # what they hold would be sent to a stopped server at exit
+                worker.drain_all(timeout=10)
 
 
 @pytest.fixture

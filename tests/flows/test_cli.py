@@ -14,7 +14,10 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 
 from catalog.pose import Pose
+from flows.progress import Silent
+from flows.request import Request
 from flows.result import EMPTY
+from flows.run import run_requests
 
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 PLANETPOSE = [sys.executable, "-c", "from flows.cli import main; main()"]
@@ -22,16 +25,6 @@ ROOT = Path(__file__).resolve().parents[2]
 ARGUMENTS = [
     "small.png", "--camera", "small.toml", "--target", "europa", "--pose", "pose.json", "--profile", "quick.toml",
 ]  # fmt: skip
-    "small.png",
-    "--camera",
-    "small.toml",
-    "--target",
-    "europa",
-    "--pose",
-    "pose.json",
-    "--profile",
-    "quick.toml",
-]
 KEYS = [
     "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "centre_px", "offset_px",
     "range_factor", "attitude_deg", "uncertainty", "limb_rms_px", "limb_points", "similarity", "pose", "cube",
@@ -209,27 +202,30 @@ def test_bad_images_are_refused_with_fault_and_remedy_and_leave_no_store(here: P
 @pytest.mark.parametrize(
     ("changed", "fault"),
     [
-        ({"--camera": "nikon"}, "camera-unknown"),
-        ({"--camera": "quick.toml"}, "camera-file-invalid"),
-        ({"--target": "vulcan"}, "target-unknown"),
-        ({"--pose": "skewed.json"}, "not orthonormal"),
-        ({"--pose": "none.json"}, "pose-file-missing"),
-        ({"--map": "none.png"}, "base-map-missing"),
+        ({"camera": "nikon"}, "camera-unknown"),
+        ({"camera": "quick.toml"}, "camera-file-invalid"),
+        ({"target": "vulcan"}, "target-unknown"),
+        ({"pose_file": "skewed.json"}, "not orthonormal"),
+        ({"pose_file": "none.json"}, "pose-file-missing"),
+        ({"pose_file": None}, "pose-unknown"),
+        ({"basemap": "none.png"}, "base-map-missing"),
+        ({"basemap": "small.png"}, "map-shape"),
+        ({"kernels": ("none.bsp",)}, "kernel-missing"),
     ],
 )
 def test_bad_options_refuse_the_image_and_say_why(
-    here: Path, server_state: Path, changed: dict[str, str], fault: str
+    here: Path, prefect_api: str, monkeypatch: pytest.MonkeyPatch, changed: dict[str, Any], fault: str
 ) -> None:
-    skewed = json.loads((here / "pose.json").read_text())
+    monkeypatch.chdir(here)
+    skewed = json.loads(Path("pose.json").read_text())
     skewed["camera_from_j2000"][0][0] += 0.01
-    (here / "skewed.json").write_text(json.dumps(skewed))
-    given = {"--camera": "small.toml", "--target": "europa", "--pose": "pose.json"} | changed
-    options = [part for option in given.items() for part in option]
-    done = command(here, server_state, "correct", "small.png", *options, "--json")
-    result = json.loads(done.stdout)
-    assert (done.returncode, result["status"]) == (1, "refused")
+    Path("skewed.json").write_text(json.dumps(skewed))
+    given = {"camera": "small.toml", "target": "europa", "pose_file": "pose.json", "kernels": ()} | changed
+    request = Request(image=Path("small.png"), cache=here / "cache", **given)
+    result = run_requests([request], prefect_api, 1, Silent(), lambda _: None)[0]
+    assert result["status"] == "refused"
     assert fault in result["reason"]
-    assert not (here / "out").exists()
+    assert not Path("out").exists()
 
 
 @pytest.mark.parametrize(
