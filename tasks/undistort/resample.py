@@ -1,6 +1,7 @@
 """Resampling of a raw frame into the undistorted one, with its noise and quality."""
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,15 +41,29 @@ def _in_blocks(model: DistortionModel, grid: NDArray[np.float64]) -> NDArray[np.
 
 
 def _splined(model: DistortionModel, columns: int, rows: int) -> NDArray[np.float64] | None:
-    """Raw places (rows, columns, 2) from a coarse grid; None where the model has gaps, which splines cannot bridge."""
+    """Raw places (rows, columns, 2) from a coarse grid; None where the model has gaps, which splines cannot bridge.
+
+    The model's own inverse is asked at every second node only; one Newton step, whose derivative is that of the spline
+    through those, brings the other nodes to it.
+    """
+    rough_x, rough_y = (np.linspace(0, n - 1, max(n // (2 * COARSE_STEP_PX) + 1, 4)) for n in (columns, rows))
+    rough = model.distort_points(_grid(rough_x, rough_y))
+    if not np.isfinite(rough).all():
+        return None
+    through_rough = _splines(rough_x, rough_y, rough)
+    x, y = (np.linspace(0, n - 1, max(n // COARSE_STEP_PX + 1, 4)) for n in (columns, rows))
+    places = np.stack([spline(y, x) for spline in through_rough], axis=-1)
+    missed = model.undistort_points(places) - _grid(x, y)
+    for axis, spline in enumerate(through_rough):
+        places[..., axis] -= spline(y, x, dy=1) * missed[..., 0] + spline(y, x, dx=1) * missed[..., 1]
+    return np.stack([spline(np.arange(rows), np.arange(columns)) for spline in _splines(x, y, places)], axis=-1)
+
+
+def _splines(x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]) -> list[Any]:
+    """Cubic splines (line first) through values (ny, nx, 2)."""
     from scipy.interpolate import RectBivariateSpline
 
-    x, y = (np.linspace(0, n - 1, max(n // COARSE_STEP_PX + 1, 4)) for n in (columns, rows))
-    coarse = model.distort_points(_grid(x, y))
-    if not np.isfinite(coarse).all():
-        return None
-    splines = [RectBivariateSpline(y, x, coarse[..., axis]) for axis in range(2)]
-    return np.stack([spline(np.arange(rows), np.arange(columns)) for spline in splines], axis=-1)
+    return [RectBivariateSpline(y, x, values[..., axis]) for axis in range(2)]
 
 
 @lru_cache(maxsize=8)
@@ -108,7 +123,7 @@ def _touched_faults(
         marked = (quality & np.uint16(bit)) != 0
         if marked.any():
             reach = cv2.dilate(marked.astype(np.uint8), window).astype(np.float32)
-            touched = cv2.remap(reach, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 1e-4
+            touched = cv2.remap(reach, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) > 1e-6
             faults[touched] |= np.uint16(bit)
     return faults
 
