@@ -8,10 +8,12 @@ from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from tasks.simulate.scene import Scene, Simulation
 from tasks.simulate.window import Window
+from tasks.undistort.mark_fit import spot
 from tasks.undistort.model import DistortionModel
 
 EDGE_STEPS = 200
-MARK_HALF_SIZE_PX = 1
+MARK_REACH_PX = 6
+MARK_DEPTH = 0.9
 BRIGHT_PERCENTILE = 99.0
 
 
@@ -57,14 +59,10 @@ def _resampled(
 def exposed(
     image: NDArray[np.float32], camera: Camera, rng: np.random.Generator, marks_xy: NDArray[np.float64] | None = None
 ) -> Observation:
-    """What `camera` records of a noise-free raw `image` (ny, nx), DN: its noise model, saturation, reseau marks at
-    `marks_xy` (n, 2), and whole numbers where its file has 8 bits."""
-    signal = image.copy()
+    """What `camera` records of a noise-free raw `image` (ny, nx), DN: reseau marks at `marks_xy` (n, 2), not flagged
+    (finding them is the undistortion's business), its noise model, saturation, whole numbers if its file has 8 bits."""
+    signal = image if marks_xy is None else image * _let_through(image.shape, marks_xy)
     quality = np.zeros(image.shape, np.uint16)
-    if marks_xy is not None:
-        marked = _marked(image.shape, marks_xy)
-        signal[marked] = 0
-        quality[marked] |= np.uint16(Quality.RESEAU)
     model = camera.noise
     noise = np.sqrt(model.read_dn**2 + signal / model.gain_e_per_dn + (model.relative * signal) ** 2)
     recorded = signal + noise * rng.standard_normal(image.shape, dtype=np.float32)
@@ -76,14 +74,17 @@ def exposed(
     return Observation(recorded.astype(np.float32), noise.astype(np.float32), quality)
 
 
-def _marked(shape: tuple[int, ...], marks_xy: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Pixels (ny, nx) under the square marks at `marks_xy` (n, 2)."""
-    lines, samples = np.indices(shape, sparse=True)
-    marked = np.zeros(shape, bool)
+def _let_through(shape: tuple[int, ...], marks_xy: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Fraction of the light (ny, nx) that passes the marks, with the profile that real marks were measured to have."""
+    lines, samples = np.indices(shape, dtype=np.float64)
+    passed = np.ones(shape, np.float32)
     for x, y in marks_xy:
-        reach = MARK_HALF_SIZE_PX + 0.5
-        marked |= (np.abs(samples - x) < reach) & (np.abs(lines - y) < reach)
-    return marked
+        rows, columns = (
+            slice(max(round(at) - MARK_REACH_PX, 0), max(round(at) + MARK_REACH_PX + 1, 0)) for at in (y, x)
+        )
+        profile, _, _ = spot(samples[rows, columns] - x, lines[rows, columns] - y)
+        passed[rows, columns] *= (1 - MARK_DEPTH * profile).astype(np.float32)
+    return passed
 
 
 def has_8_bits(camera: Camera) -> bool:

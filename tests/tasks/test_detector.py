@@ -61,16 +61,16 @@ def test_eight_bit_cameras_record_whole_numbers_and_flag_saturation() -> None:
     assert not observation.quality[0, 0]
 
 
-def test_reseau_marks_are_dark_and_flagged_and_those_outside_the_frame_change_nothing() -> None:
-    marks = np.array([[10.2, 4.9], [-3.0, 8.0]])
-    observation = exposed(
-        np.full((20, 30), 100.0, np.float32), find_camera("voyager1-nac"), np.random.default_rng(4), marks
-    )
-    marked = observation.quality == Quality.RESEAU
-    assert marked[4:7, 9:12].all()
-    assert marked.sum() == 9
-    assert observation.image[marked].max() < 10
-    assert observation.image[~marked].min() > 80
+def test_reseau_marks_are_dark_at_their_sub_pixel_place_and_those_outside_change_nothing() -> None:
+    marks = np.array([[10.3, 5.9], [-9.0, 8.0]])
+    camera = find_camera("voyager1-nac").model_copy(update={"saturation_dn": None})
+    flat = np.full((20, 30), 1000.0, np.float32)
+    marked, plain = (exposed(flat, camera, np.random.default_rng(4), m).image for m in (marks, marks[1:]))
+    lost = plain - marked
+    y, x = np.indices(lost.shape)
+    assert lost[6, 10] == pytest.approx(900, rel=0.05)
+    assert np.abs(lost[12:]).max() < 1
+    assert [(lost * axis).sum() / lost.sum() for axis in (x, y)] == pytest.approx([10.3, 5.9], abs=0.02)
 
 
 def test_the_same_seed_gives_the_same_frame() -> None:
