@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from prefect import flow
+from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
 from catalog.errors import PlanetposeError, RefusedError
@@ -25,6 +25,10 @@ from tasks.step import Step
 
 Result = dict[str, Any]
 logger = logging.getLogger("planetpose")
+
+
+class ImagesNotOkError(Exception):
+    """Some images failed or were refused; the others are published."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +55,11 @@ def audience(reporter: Reporter, on_result: Callable[[Result], None]) -> Iterato
 
 @flow(name="correct", persist_result=False)
 def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
-    """Correct every request, `workers` images at a time. Ends Failed, its data all results, when one image is not ok.
+    """Correct every request, `workers` images at a time; the flow fails, after all are done, when one is not ok.
 
     Images run in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's lock.
     """
-    listener = _audience.get() or _nobody
+    listener, run_logger = _audience.get() or _nobody, get_run_logger()
     refused = twins(requests)
     results: list[Result] = []
     with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool:
@@ -65,11 +69,13 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
             for position, request in enumerate(requests)
         ]
         for future in futures:
-            results.append(future.result())
-            listener.on_result(results[-1])
+            result = future.result()
+            results.append(result)
+            listener.on_result(result)
+            run_logger.info("%s: %s %s", result["product"], result["status"], result["reason"] or "")
     bad = [result for result in results if result["status"] != "ok"]
     summary = f"{len(results) - len(bad)} of {len(results)} images ok"
-    return Failed(message=summary, data=results) if bad else Completed(message=summary, data=results)
+    return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
 
 
 def one_result(request: Request, reporter: Reporter, twin: str | None = None) -> Result:

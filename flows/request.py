@@ -2,9 +2,9 @@
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from catalog.basemap import packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
@@ -13,12 +13,20 @@ from catalog.errors import RefusedError
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
 from catalog.target import TARGET_FOLDER
-from flows.profile import Profile
+from flows.profile import DEFAULT_PROFILE, Profile, find_profile
+
+
+def _profile_by_name(profile: Any) -> Any:
+    return find_profile(profile) if isinstance(profile, str) else profile
+
+
+NamedProfile = Annotated[Profile, BeforeValidator(_profile_by_name, json_schema_input_type=Profile | str)]
 
 
 class Request(BaseModel):
     """One image to correct. camera, target, pose_file, basemap: override what the file says or does not say; None asks
-    the file and the catalog. kernels: files, folders or meta-kernels; None takes those of the environment."""
+    the file and the catalog. kernels: files, folders or meta-kernels; None takes those of the environment. profile: its
+    settings, or its name or file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
@@ -29,7 +37,7 @@ class Request(BaseModel):
     basemap: Path | None = None
     map_left_edge_deg: float = Field(0.0, ge=-360, le=360)
     kernels: tuple[Path, ...] | None = None
-    profile: Profile = Profile()
+    profile: NamedProfile = Field(default_factory=lambda: find_profile(DEFAULT_PROFILE))
     cache: Path = Field(default_factory=cache_folder)
 
     @property
