@@ -28,6 +28,15 @@ class AcceptSettings(BaseModel):
     require_limb: bool = True
 
 
+class StillSettings(BaseModel):
+    """A pass whose every correction is smaller than these is the last."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    offset_px: float = Field(0.03, ge=0)
+    range_factor: float = Field(1e-4, ge=0)
+    attitude_deg: float = Field(0.03, ge=0)
+
+
 class LaterPasses(BaseModel):
     """Settings of the corrections from the second pass on; None keeps those of the first."""
 
@@ -38,17 +47,18 @@ class LaterPasses(BaseModel):
 
 
 class Profile(BaseModel):
-    """The settings of all steps. passes: how often point, range and attitude are done in turn."""
+    """The settings of all steps. passes: how often, at most, point, range and attitude are done in turn."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field(DEFAULT_PROFILE, min_length=1)
-    passes: int = Field(2, ge=1, le=10)
+    passes: int = Field(2, ge=1, le=20)
     undistort: UndistortSettings = UndistortSettings()
     simulate: SceneSettings = SceneSettings()
     point: PointSettings = PointSettings()
     range: RangeSettings = RangeSettings()
     attitude: AttitudeSettings = AttitudeSettings()
     later: LaterPasses = LaterPasses()
+    still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
 

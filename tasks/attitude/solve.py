@@ -11,10 +11,11 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
-from tasks.attitude.flow import Flow, optical_flow
+from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
+from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.correction import Correction
 from tasks.project.points import body_points
 from tasks.simulate import Scene
@@ -22,7 +23,8 @@ from tasks.simulate.window import disk_radius_px
 
 Progress = Callable[[str, int, str], None]
 
-COARSE_RADIUS_PX = 120.0
+# Between these radii the paper's boxes span some degrees and still see the markings.
+COARSE_RADIUS_PX, FINE_RADIUS_PX = 100.0, 320.0
 
 
 class AttitudeSettings(BaseModel):
@@ -60,10 +62,14 @@ def find_attitude(
     pose is returned unchanged with `attitude_deg` None and the reason in the evidence: that is an answer, no failure.
     """
     radius = disk_radius_px(pose, scene.camera, scene.target)
-    reductions = [n for n in (4, 2) if radius / n >= COARSE_RADIUS_PX] + [1]
+    reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
+    quick = reduced_observation(observation, reductions[0]), reduced_scene(scene, reductions[0])
     turned, turns = pose, []
     for iteration, reduction in enumerate(reductions, 1):
-        turn = one_turn(observation, turned, scene, settings, reduction)
+        match = match_scene(reduced_observation(observation, reduction), reduced_scene(scene, reduction), turned)
+        if iteration == 1:
+            before = likeness(match)
+        turn = one_turn(match, settings)
         turns.append({"reduction": reduction, **turn.evidence})
         if turn.vector_deg is None:
             continue
@@ -71,9 +77,8 @@ def find_attitude(
         if progress:
             size = float(np.linalg.norm(turn.vector_deg))
             progress("attitude", iteration, f"{turn.evidence['vectors']} flow vectors, turn of {size:.3f} deg")
-    evidence: dict[str, Any] = {"turns": turns}
-    before, after = (likeness(observation, p, scene) for p in (pose, turned))
-    evidence |= {"correlation_before": before, "correlation_after": after}
+    after = likeness(match_scene(*quick, turned))
+    evidence: dict[str, Any] = {"turns": turns, "correlation_before": before, "correlation_after": after}
     # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
     whole = vector_deg_from_rotation((turned.body_from_j2000 @ pose.body_from_j2000.T).T)
     reason = None
@@ -90,20 +95,19 @@ def find_attitude(
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence)
 
 
-def one_turn(observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, reduction: int) -> Turn:
+def one_turn(match: Match, settings: AttitudeSettings) -> Turn:
     """Flow on the shading-free images, vectors carried to the body, robust Kabsch."""
-    match = match_scene(observation, scene, pose)
+    pose, scene = match.pose, match.scene
     image, texture, comparable = without_shading(match, settings.min_lit)
-    flow = reduced_flow(image, texture, comparable, settings, reduction)
+    flow = optical_flow(image, texture, comparable, settings.template_px, settings.search_px)
     good = flow.valid & (flow.correlation >= settings.min_correlation)
     count = int(good.sum())
     evidence: dict[str, Any] = {"vectors": count}
-    if count * reduction**2 < settings.min_vectors:
+    if count < settings.min_vectors:
         return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
     y, x = np.nonzero(good)
-    centre_of_cell = (reduction - 1) / 2
-    here = np.stack([x, y], axis=-1) * reduction + centre_of_cell + match.origin
-    there = here + flow.displacement[good] * reduction
+    here = np.stack([x, y], axis=-1) + np.asarray(match.origin)
+    there = here + flow.displacement[good]
     p = body_points(pose, scene.camera, scene.target, here)
     q = body_points(pose, scene.camera, scene.target, there)
     on_body = np.isfinite(p).all(axis=-1) & np.isfinite(q).all(axis=-1)
@@ -140,23 +144,6 @@ def without_shading(match: Match, min_lit: float) -> tuple[NDArray, NDArray, NDA
     return image, texture, safe & match.usable
 
 
-def reduced_flow(
-    image: NDArray, texture: NDArray, comparable: NDArray[np.bool_], settings: AttitudeSettings, reduction: int
-) -> Flow:
-    """Flow at 1 / reduction of the resolution."""
-    if reduction > 1:
-        ny, nx = (side // reduction * reduction for side in image.shape)
-
-        def cells(a: NDArray) -> NDArray[np.float32]:
-            shape = (ny // reduction, reduction, nx // reduction, reduction)
-            return a[:ny, :nx].reshape(shape).mean(axis=(1, 3), dtype=np.float32)
-
-        image, texture, comparable = cells(image), cells(texture), cells(comparable) > 0.999
-    texture = np.where(comparable, texture, 0).astype(np.float32)
-    image = np.where(comparable, image, 0).astype(np.float32)
-    return optical_flow(image, texture, comparable, settings.template_px, settings.search_px)
-
-
 def rotation_sigma_deg(p: NDArray, q: NDArray, rotation: NDArray, independent: float) -> NDArray[np.float64]:
     """1-sigma (3,) of the rotation vector from the scatter of the points, `independent` of which count."""
     residual = q - p @ rotation.T
@@ -166,8 +153,7 @@ def rotation_sigma_deg(p: NDArray, q: NDArray, rotation: NDArray, independent: f
     return np.degrees(np.sqrt(np.diag(covariance)))
 
 
-def likeness(observation: Observation, pose: Pose, scene: Scene) -> float:
+def likeness(match: Match) -> float:
     """Correlation of image and brightness-fitted simulation."""
-    match = match_scene(observation, scene, pose)
     model, _ = fit_brightness(match, match.simulation.bases)
     return correlation(match.image, model, match.usable)

@@ -7,11 +7,12 @@ from catalog.errors import FailedError
 from tasks.compare.match import Match
 
 HUBER = 3.0
+SIGMA_SAMPLES = 20_000
 
 
-def brightness_columns(bases: NDArray[np.float32]) -> NDArray[np.float64]:
+def brightness_columns(bases: NDArray[np.float32]) -> NDArray[np.float32]:
     """The linear unknowns' images (k + 1, ny, nx): every basis, and a constant background."""
-    return np.concatenate([bases, np.ones((1, *bases.shape[1:]))]).astype(np.float64)
+    return np.concatenate([bases, np.ones((1, *bases.shape[1:]), np.float32)]).astype(np.float32)
 
 
 def fit_brightness(match: Match, bases: NDArray[np.float32]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -26,32 +27,35 @@ def fit_brightness(match: Match, bases: NDArray[np.float32]) -> tuple[NDArray[np
 
 
 def robust_least_squares(
-    columns: NDArray[np.float64], image: NDArray[np.float32], weight: NDArray[np.float32], rounds: int = 3
+    columns: NDArray[np.float32], image: NDArray[np.float32], weight: NDArray[np.float32], rounds: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Solve image = sum_j p_j columns_j over pixels of positive weight, down-weighting outliers (Huber).
 
     columns (n, ny, nx). Returns p (n,), its covariance (n, n) scaled by the residuals, and the reduced chi square.
+    Raises FailedError when fewer pixels than unknowns are usable.
     """
-    inside = weight > 0
-    design = columns[:, inside]
-    values = image[inside].astype(np.float64)
-    if values.size <= len(design):
+    from tasks.compare.normal_equations import accumulate, residuals
+
+    n = len(columns)
+    design = np.ascontiguousarray(columns.reshape(n, -1), np.float32)
+    values, base = (np.ascontiguousarray(a.ravel(), np.float32) for a in (image, weight))
+    count = int(np.count_nonzero(base > 0))
+    if count <= n:
         raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
-    scale = np.sqrt(np.einsum("ij,ij->i", design, design))
-    scale[scale == 0] = 1.0
-    design = design / scale[:, None]
-    base = weight[inside].astype(np.float64)
-    w = base
+    stride = max(1, base.size // SIGMA_SAMPLES)
+    limit = np.inf
+    solution = np.zeros(n)
     for _ in range(rounds):
-        weighted = design * w
-        normal = weighted @ design.T
-        solution = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) @ (weighted @ values)
-        residual = np.abs(values - solution @ design) * np.sqrt(base)
-        sigma = max(1.4826 * float(np.median(residual)), 1e-12)
-        w = base * np.minimum(1.0, HUBER * sigma / np.maximum(residual, 1e-12))
-    chi_square = float((w / base * residual**2).sum() / (values.size - len(design)))
-    covariance = np.linalg.pinv(normal, rcond=1e-13, hermitian=True) * chi_square / np.outer(scale, scale)
-    return solution / scale, covariance, chi_square
+        normal, right, chi_square = accumulate(design, values, base, solution, limit)
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12, hermitian=True)
+        inverse /= np.outer(scale, scale)
+        solution = inverse @ right
+        residual = residuals(design, values, base, solution, stride)
+        limit = HUBER * max(1.4826 * float(np.median(residual)) if residual.size else 0.0, 1e-9)
+    _, _, chi_square = accumulate(design, values, base, solution, limit)
+    chi_square = float(chi_square) / (count - n)
+    return solution, inverse * chi_square, chi_square
 
 
 def correlation(a: NDArray, b: NDArray, usable: NDArray[np.bool_]) -> float:

@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.point.rotation import pose_pointed_at
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
-TEMPLATE_SIDE_PX = 96
+TEMPLATE_DIAMETER_PX = 64
 
 
 @dataclass(frozen=True)
@@ -24,17 +25,6 @@ class CoarseFind:
     step_px: int
 
 
-def binned(image: NDArray, weight: NDArray, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Weighted n x n means (ny//n, nx//n) and the mean weight; cells without weight are 0."""
-    ny, nx = image.shape[0] // n * n, image.shape[1] // n * n
-
-    def cells(a: NDArray) -> NDArray[np.float64]:
-        return a[:ny, :nx].reshape(ny // n, n, nx // n, n).mean(axis=(1, 3), dtype=np.float64)
-
-    w = cells(weight.astype(np.float64))
-    return np.divide(cells(image * weight), w, out=np.zeros_like(w), where=w > 0), w
-
-
 def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap: float) -> CoarseFind:
     """Place of the target in the frame, to about a cell of the search grid, wherever the metadata put it.
 
@@ -44,20 +34,19 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     """
     from skimage.registration._masked_phase_cross_correlation import cross_correlate_masked
 
-    camera = scene.camera
-    frame_centre = (np.array(camera.size_px) - 1) / 2
-    centred = pose_pointed_at(pose, camera, frame_centre)
-    radius = disk_radius_px(centred, camera, scene.target)
-    window = scene.window(centred, margin_px=max(6.0, 0.25 * radius))
-    n = max(1, int(np.ceil(max(window.shape) / TEMPLATE_SIDE_PX)))
-    simulation = scene.render(centred, window)
-    template, _ = binned(simulation.image(), np.ones(window.shape), n)
+    n = reduction_for(pose, scene, TEMPLATE_DIAMETER_PX)
+    observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
+    frame_centre = (np.array(scene.camera.size_px) - 1) / 2
+    centred = pose_pointed_at(pose, scene.camera, frame_centre)
+    radius = disk_radius_px(centred, scene.camera, scene.target)
+    window = scene.window(centred, margin_px=max(4.0, 0.25 * radius))
+    template = scene.render(centred, window).image().astype(np.float64)
     usable = observation.usable
-    image, weight = binned(clipped_outliers(observation.image, usable), usable, n)
+    image = clipped_outliers(observation.image, usable).astype(np.float64)
     correlation = cross_correlate_masked(
         image,
         template,
-        weight > 0.5,
+        usable,
         np.ones(template.shape, bool),
         mode="full",
         axes=(0, 1),
@@ -65,9 +54,9 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     )
     row, column = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
     # In "full" mode, index 0 puts the template's last cell on the image's first.
-    top_left = np.array([column - template.shape[1] + 1, row - template.shape[0] + 1]) * n
+    top_left = np.array([column - template.shape[1] + 1, row - template.shape[0] + 1])
     found = frame_centre + top_left - np.array([window.x0, window.y0])
-    return CoarseFind(pose_pointed_at(pose, camera, found), float(correlation[row, column]), n)
+    return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(correlation[row, column]), n)
 
 
 def clipped_outliers(image: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:

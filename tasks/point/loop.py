@@ -22,7 +22,7 @@ Progress = Callable[[str, int, str], None]
 
 
 class PointSettings(BaseModel):
-    """coarse: search the whole frame first. diameter_px: larger disks are first settled at reduced resolution.
+    """coarse: search the whole frame first. diameter_px: larger disks are settled at reduced resolution.
     min_score, min_correlation: below these the target counts as not found."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -79,11 +79,12 @@ def find_pointing(
         start = found.pose
         if progress:
             progress("point", 0, f"coarse search: correlation {found.score:.3f}")
-    n = reduction_for(start, scene, settings.diameter_px) if settings.coarse else 1
-    if n > 1:
-        near = settings.model_copy(update={"stop_px": 0.5})
-        start, _, _ = settle(reduced_observation(observation, n), start, reduced_scene(scene, n), near, progress)
-    settled, shift, history = settle(observation, start, scene, settings, progress)
+    # The limb's edges want all their pixels.
+    n = 1 if settings.registration == "limb" else reduction_for(start, scene, settings.diameter_px)
+    evidence["reduction"] = n
+    settled, shift, history = settle(
+        reduced_observation(observation, n), start, reduced_scene(scene, n), settings, progress
+    )
     if not shift.quality >= settings.min_correlation:
         raise RefusedError(
             "target-not-found",
@@ -92,7 +93,7 @@ def find_pointing(
             "Check target, range, Sun direction and base map.",
         )
     offset = scene.camera.project(settled.target_in_camera_km) - predicted_centre(pose, scene)
-    sigma = None if shift.covariance is None else np.sqrt(np.diag(shift.covariance)).tolist()
+    sigma = None if shift.covariance is None else (n * np.sqrt(np.diag(shift.covariance))).tolist()
     return Correction(
         step="point",
         pose=settled,

@@ -6,11 +6,11 @@ numba's cache of compiled code notices changes in that file only.
 """
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tasks.compiled import compiled
 
 DEGREES = 180.0 / math.pi
 TINY = 1e-290  # keeps 0/0 at the poles and the sub-solar point from becoming NaN
@@ -30,17 +30,6 @@ def _atan_series() -> tuple[float, ...]:
 
 
 A0, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12, A13 = _atan_series()
-
-
-def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile with numba and keep the machine code on disk, beside the source or in the user's cache folder; where
-    neither can be written (a read-only container), compile anew in each process."""
-    import numba
-
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    except RuntimeError:
-        return numba.njit(nogil=True, error_model="numpy")(function)
 
 
 @compiled

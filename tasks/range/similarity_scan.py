@@ -192,6 +192,7 @@ def radial_sigma(match: Match) -> float:
     d_row, d_column = np.gradient(model)
     y, x = np.mgrid[: model.shape[0], : model.shape[1]]
     radial = d_column * (x - match.centre_px[0]) + d_row * (y - match.centre_px[1])
-    columns = np.concatenate([brightness_columns(match.simulation.bases), [-d_column, -d_row, radial]])
+    moves = np.stack([-d_column, -d_row, radial]).astype(np.float32)
+    columns = np.concatenate([brightness_columns(match.simulation.bases), moves])
     _, covariance, _ = robust_least_squares(columns, match.image, match.weight)
     return float(np.sqrt(max(covariance[-1, -1], 0)))

@@ -17,10 +17,15 @@ def fit_thin_plate(marks: MarkSet, degree: int = DEFAULT_DEGREE, smoothing: floa
     The trend takes the smooth distortion of the tube (pincushion of the electron optics, S-shaped deflection), the
     spline what bends around bright areas (beam bending). Raises RefusedError when the degree is too high.
     """
-    found = marks.found
     surface = SmoothSurface(
-        marks.raw_xy, marks.object_xy, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=found
+        marks.raw_xy, marks.object_xy, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
     )
+    return plate_of_surface(marks, surface, degree)
+
+
+def plate_of_surface(marks: MarkSet, surface: SmoothSurface, degree: int) -> SmoothModel:
+    """The model whose forward map is `surface`, with its errors at the found marks."""
+    found = marks.found
     report = FitReport(
         "thin-plate",
         marks.object_xy[found],

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.project.kernel import _atan2_deg, compiled
+from tasks.compiled import compiled
+from tasks.project.kernel import _atan2_deg
 from tasks.project.planes import ANGLES, PLANES, POINT, project_planes
 from tasks.project.points import body_points
 from tasks.project.reference import project_planes_with_numpy

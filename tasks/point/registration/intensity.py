@@ -7,8 +7,8 @@ from tasks.compare.brightness import brightness_columns, correlation, fit_bright
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
 
-MAX_ITERATIONS = 30
-CONVERGED_PX = 1e-3
+MAX_ITERATIONS = 15
+CONVERGED_PX = 3e-3
 NEAR_PX = 0.7
 
 
@@ -51,7 +51,8 @@ def gauss_newton_step(
     columns = brightness_columns(bases)
     coefficients, _, _ = robust_least_squares(columns, image, weight)
     d_row, d_column = np.gradient(np.tensordot(coefficients, columns, 1))
-    solution, covariance, _ = robust_least_squares(np.concatenate([columns, [-d_column, -d_row]]), image, weight)
+    moves = np.stack([-d_column, -d_row]).astype(np.float32)
+    solution, covariance, _ = robust_least_squares(np.concatenate([columns, moves]), image, weight)
     return solution[-2:], covariance[-2:, -2:]
 
 

@@ -1,0 +1,111 @@
+"""Thin-plate spline and beam bending together: the marks tell the smooth distortion, the image its own bending."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tasks.undistort.bending import USUAL_PX_PER_DN, USUAL_SPREAD_PX_PER_DN, BendingField
+from tasks.undistort.mark_set import FitReport, MarkSet
+from tasks.undistort.model import Points, solve_points
+from tasks.undistort.smooth_model import SmoothModel
+from tasks.undistort.smooth_surface import SMOOTHING, SmoothSurface
+from tasks.undistort.thin_plate import DEFAULT_DEGREE, plate_of_surface
+
+ROBUST_STEPS = 6
+ROBUST_LIMIT = 2.0
+SIGNIFICANT = 4.0
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class BentModel:
+    """undistorted = smooth(raw) + px_per_dn * field(raw). `smooth_part` is an ordinary thin-plate model; spread: the
+    1-sigma of px_per_dn."""
+
+    smooth_part: SmoothModel
+    field: BendingField
+    px_per_dn: float
+    spread: float
+    report: FitReport
+
+    name = "beam-bending"
+    smooth = False
+
+    @property
+    def marks(self) -> MarkSet:
+        """The marks it was fitted to."""
+        return self.smooth_part.marks
+
+    @property
+    def raw_size_px(self) -> tuple[int, int]:
+        """Size (nx, ny) of the raw frame."""
+        return self.smooth_part.raw_size_px
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Size (nx, ny) of the undistorted frame."""
+        return self.smooth_part.size_px
+
+    def undistort_points(self, xy_raw: ArrayLike) -> Points:
+        """Undistorted places (..., 2) of raw pixels (..., 2)."""
+        raw = np.asarray(xy_raw, dtype=np.float64)
+        bend = self.px_per_dn * self.field(raw.reshape(-1, 2)).reshape(raw.shape)
+        return self.smooth_part.undistort_points(raw) + bend
+
+    def distort_points(self, xy: ArrayLike) -> Points:
+        """Raw places (..., 2) of undistorted pixels (..., 2)."""
+        return solve_points(self.undistort_points, xy, self.smooth_part.distort_points(xy))
+
+    def extrapolated(self, xy: ArrayLike) -> NDArray[np.bool_]:
+        """True (...,) for undistorted pixels outside the hull of the found marks."""
+        return self.smooth_part.extrapolated(xy)
+
+    def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """Expected 1-sigma error (...,) of one coordinate: the thin plate's, and the spread of the bending."""
+        points = np.asarray(xy, dtype=np.float64)
+        pull = self.field(self.smooth_part.distort_points(points).reshape(-1, 2)).reshape(points.shape)
+        length = np.linalg.norm(pull, axis=-1) / np.sqrt(2.0)
+        return np.hypot(self.smooth_part.uncertainty_px(points), self.spread * length)
+
+
+def fit_bent_plate(
+    marks: MarkSet, field: BendingField, degree: int = DEFAULT_DEGREE, smoothing: float = SMOOTHING
+) -> BentModel:
+    """Thin plate through the marks with their bending taken off; the coefficient is the one that makes the marks best
+    predicted from each other, robustly, together with what other frames gave (for raw data numbers).
+
+    In other units it is taken only when it is `SIGNIFICANT` times its error. Raises RefusedError as `fit_thin_plate`.
+    """
+    found = marks.found
+    pull = field(marks.raw_xy)
+    args = (marks.sigma_px, marks.raw_size_px, degree, smoothing, found)
+    both = SmoothSurface(marks.raw_xy, np.hstack([marks.object_xy, pull]), *args)
+    px_per_dn, spread = _coefficient(both.leave_one_out[found, :2].ravel(), both.leave_one_out[found, 2:].ravel())
+    px_per_dn, spread = _with_experience(px_per_dn, spread, field.in_dn)
+    surface = SmoothSurface(marks.raw_xy, marks.object_xy - px_per_dn * pull, *args)
+    plate = plate_of_surface(marks, surface, degree)
+    return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"))
+
+
+def _coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
+    """Least squares of errors = k pulls with Huber's weights, and the error of k."""
+    weight, k = np.ones_like(errors), 0.0
+    for _ in range(ROBUST_STEPS):
+        norm = float((weight * pulls * pulls).sum())
+        if norm <= 0.0:
+            return 0.0, float("inf")
+        k = float((weight * errors * pulls).sum()) / norm
+        rest = np.abs(errors - k * pulls)
+        limit = ROBUST_LIMIT * 1.4826 * float(np.median(rest))
+        weight = limit / np.maximum(rest, max(limit, 1e-12))
+    return k, float(np.sqrt(np.average(rest**2, weights=weight) / norm))
+
+
+def _with_experience(k: float, spread: float, in_dn: bool) -> tuple[float, float]:
+    if not in_dn:
+        return (k, spread) if k > SIGNIFICANT * spread else (0.0, 0.0)
+    ours, usual = 1.0 / spread**2, 1.0 / USUAL_SPREAD_PX_PER_DN**2
+    return (ours * k + usual * USUAL_PX_PER_DN) / (ours + usual), float(np.sqrt(1.0 / (ours + usual)))
+
