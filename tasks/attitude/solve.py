@@ -1,7 +1,7 @@
 """Attitude: turn the target until its markings lie where the image has them (paper, section 5)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ Progress = Callable[[str, int, str], None]
 
 # Between these radii the paper's boxes span some degrees and still see the markings.
 COARSE_RADIUS_PX, FINE_RADIUS_PX = 100.0, 320.0
+# Markings are smooth; only limbs need more sub-pixels.
+OVERSAMPLE = 2
 
 
 class AttitudeSettings(BaseModel):
@@ -63,6 +65,7 @@ def find_attitude(
     """
     radius = disk_radius_px(pose, scene.camera, scene.target)
     reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
+    scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
     quick = reduced_observation(observation, reductions[0]), reduced_scene(scene, reductions[0])
     turned, turns = pose, []
     for iteration, reduction in enumerate(reductions, 1):

@@ -140,5 +140,7 @@ def detect(fine: NDArray[np.float32], oversample: int, psf_sigma_px: float) -> N
 
     if psf_sigma_px > 0:
         fine = cv2.GaussianBlur(fine, (0, 0), psf_sigma_px * oversample, borderType=cv2.BORDER_REPLICATE)
+    if oversample == 1:
+        return fine
     ny, nx = fine.shape[0] // oversample, fine.shape[1] // oversample
-    return fine.reshape(ny, oversample, nx, oversample).mean(axis=(1, 3), dtype=np.float32)
+    return cv2.resize(fine, (nx, ny), interpolation=cv2.INTER_AREA)
