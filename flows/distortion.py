@@ -11,7 +11,9 @@ from catalog.errors import RefusedError
 from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
 from catalog.reseau.archive import read_archive_marks
-from tasks.undistort.choose import chosen_method, chosen_model, table_of
+from tasks.undistort import seen_marks, undistort
+from tasks.undistort.bent_plate import BentModel
+from tasks.undistort.choose import SeenMarks, chosen_method, chosen_model, table_of, uses_found_marks
 from tasks.undistort.compare import displacement_field, residual_model
 from tasks.undistort.figures import (
     comparison_figure,
@@ -21,15 +23,15 @@ from tasks.undistort.figures import (
     residuals_figure,
     uncertainty_figure,
 )
-from tasks.undistort.mark_fill import filled
+from tasks.undistort.frame_map import uncertainty_plane
 from tasks.undistort.mark_set import MarkSet, marks_of_frame, marks_of_table
-from tasks.undistort.methods import METHODS, FittedModel, fit_model
+from tasks.undistort.methods import BENDING, METHODS, fit_model
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES
 from tasks.undistort.polynomial import monomial_condition_number
 from tasks.undistort.radial import radial_rmsd_from_corner
-from tasks.undistort.resample import resampled, uncertainty_plane
-from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks, find_marks
+from tasks.undistort.resample import resampled
+from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
 from tasks.undistort.settings import UndistortSettings
 
 if TYPE_CHECKING:
@@ -60,18 +62,17 @@ def distortion_report(path: Path, out: Path | None = None, camera: str | None = 
     report: dict[str, Any] = {"product": frame.product, "camera": known.name, "format": frame.format}
     if frame.undistorted:
         return report | _of_corrected(path, frame, known, out)
-    table = table_of(known)
-    if table is None:
-        return report | _of_optics(frame, known, out)
-    marks = find_marks(frame.observation, table)
-    return report | _of_marks(path, frame, known, marks, out)
+    seen, _ = seen_marks(frame.observation, known)
+    return report | (_of_optics(frame, known, out) if seen is None else _of_marks(path, frame, known, seen, out))
 
 
-def _of_marks(path: Path, frame: Frame, camera: Camera, marks: ReseauMarks, out: Path | None) -> dict[str, Any]:
+def _of_marks(path: Path, frame: Frame, camera: Camera, seen: SeenMarks, out: Path | None) -> dict[str, Any]:
     """The report for a raw frame with reseau marks."""
-    mark_set, used = _mark_set(camera, marks)
-    models = {method: fit_model(method, mark_set) for method in METHODS}
-    chosen = chosen_method(camera, UndistortSettings())
+    marks = seen.marks
+    mark_set, used = _mark_set(camera, seen)
+    methods = METHODS if seen.bending is not None and used == "found" else [m for m in METHODS if m != BENDING]
+    models = {method: fit_model(method, mark_set, bending=seen.bending) for method in methods}
+    chosen = chosen_method(camera, UndistortSettings(), seen)
     report = {
         "marks_found": int(marks.found.sum()),
         "marks_expected": len(marks.found),
@@ -82,8 +83,11 @@ def _of_marks(path: Path, frame: Frame, camera: Camera, marks: ReseauMarks, out:
         "chosen": chosen,
         "radial_about_pixel_zero_rmsd_px": radial_rmsd_from_corner(mark_set),
         "polynomial_in_pixel_powers_condition_number": monomial_condition_number(mark_set),
-        "seconds": _timed(frame, camera, marks),
+        "seconds": _timed(frame, camera),
     }
+    bent = models.get(BENDING)
+    if isinstance(bent, BentModel):
+        report["bending"] = {"px_per_dn": bent.px_per_dn, "spread_px_per_dn": bent.spread}
     report |= _against_archive(path, camera, marks)
     reports = [model.report for model in models.values()]
     plane = uncertainty_plane(models[chosen])
@@ -97,10 +101,10 @@ def _of_marks(path: Path, frame: Frame, camera: Camera, marks: ReseauMarks, out:
     return report | {"figures": _saved(figures, out, frame.product)}
 
 
-def _mark_set(camera: Camera, marks: ReseauMarks) -> tuple[MarkSet, str]:
+def _mark_set(camera: Camera, seen: SeenMarks) -> tuple[MarkSet, str]:
     sizes = (camera.detector_size_px, camera.size_px)
-    if marks.found.sum() >= ENOUGH_MARKS:
-        return marks_of_frame(marks, *sizes), "found"
+    if uses_found_marks(UndistortSettings(), seen):
+        return marks_of_frame(seen.marks, *sizes), "found"
     table = table_of(camera)
     if table is None:
         raise RefusedError("distortion-without-marks", f"camera {camera.name} has no reseau marks.")
@@ -150,7 +154,7 @@ def _of_corrected(path: Path, frame: Frame, camera: Camera, out: Path | None) ->
     if raw_path is None:
         return report | {"residual": None, "figures": []}
     raw = read_frame(raw_path, camera.name)
-    ours, corrected = _undistorted(raw, camera), frame.observation
+    ours, corrected = undistort(raw.observation, camera, UndistortSettings()).observation, frame.observation
     usable = ((ours.quality | corrected.quality) & UNUSABLE_BITS) == 0
     field = displacement_field(ours.image, corrected.image, usable)
     report |= {"raw": raw_path.name, "residual": field.summary()}
@@ -170,12 +174,6 @@ def _raw_beside(path: Path) -> Path | None:
     return None
 
 
-def _undistorted(frame: Frame, camera: Camera) -> Any:
-    from tasks.undistort import undistort
-
-    return undistort(frame.observation, camera, UndistortSettings()).observation
-
-
 def _against_archive(path: Path, camera: Camera, marks: ReseauMarks) -> dict[str, Any]:
     """Agreement of the found marks with the Ring Node's own table beside the image."""
     stem = path.name.partition("_")[0]
@@ -190,25 +188,22 @@ def _against_archive(path: Path, camera: Camera, marks: ReseauMarks) -> dict[str
     return {"archive_table": {"file": there.name, **figures}}
 
 
-def _timed(frame: Frame, camera: Camera, marks: ReseauMarks) -> dict[str, float]:
-    """Seconds to find the marks, to fit the chosen model, to map the frame once, and to undistort one image then."""
+def _timed(frame: Frame, camera: Camera) -> dict[str, float]:
+    """Seconds to find and fill the marks, to fit the chosen model, to map the frame once, and to undistort one image
+    then (best of three)."""
     seconds: dict[str, float] = {}
 
     def timed(name: str, action: Any) -> Any:
         started = time.perf_counter()
         result = action()
-        seconds[name] = round(time.perf_counter() - started, 4)
+        seconds[name] = round(min(time.perf_counter() - started, seconds.get(name, np.inf)), 4)
         return result
 
-    table = table_of(camera)
-    timed("find_marks", lambda: find_marks(frame.observation, table) if table else None)
-    model: FittedModel = timed("fit", lambda: chosen_model(camera, UndistortSettings(), marks)[0])
-    clean = timed("fill_marks", lambda: filled(frame.observation, marks))
+    seen, clean = timed("marks", lambda: seen_marks(frame.observation, camera))
+    model = timed("fit", lambda: chosen_model(camera, UndistortSettings(), seen)[0])
     timed("first_undistort", lambda: resampled(clean, model))
     for _ in range(3):
-        before = seconds.get("undistort", np.inf)
         timed("undistort", lambda: resampled(clean, model))
-        seconds["undistort"] = min(seconds["undistort"], before)
     return seconds
 
 

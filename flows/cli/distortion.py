@@ -44,7 +44,7 @@ def print_table(report: dict[str, Any], stream: TextIO) -> None:
             key: value for key, value in figures.items() if value is not None
         }
         print(f"{mark} {name:14s}" + "  ".join(f"{key} {value:.4g}" for key, value in columns.items()), file=stream)
-    for key in ("archive_table", "residual", "residual_after_correction", "seconds"):
+    for key in ("bending", "archive_table", "residual", "residual_after_correction", "seconds"):
         if report.get(key):
             parts = "  ".join(f"{name} {_short(value)}" for name, value in report[key].items())
             print(f"{key.replace('_', ' ')}: {parts}", file=stream)

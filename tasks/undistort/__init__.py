@@ -6,14 +6,15 @@ from typing import Any
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Observation
-from tasks.undistort.choose import chosen_model, table_of
+from tasks.undistort.bending import bending_field
+from tasks.undistort.choose import SeenMarks, chosen_model, table_of
 from tasks.undistort.mark_fill import filled
 from tasks.undistort.model import DistortionModel, Identity
 from tasks.undistort.resample import resampled
 from tasks.undistort.reseau_marks import find_marks
 from tasks.undistort.settings import UndistortSettings
 
-__all__ = ["DistortionModel", "UndistortSettings", "Undistorted", "undistort"]
+__all__ = ["DistortionModel", "UndistortSettings", "Undistorted", "seen_marks", "undistort"]
 
 
 @dataclass(frozen=True)
@@ -38,15 +39,26 @@ def undistort(
         _refuse_other_size(observation, camera.size_px, camera, "undistorted")
         return Undistorted(observation, Identity(camera.size_px), {"method": "already undistorted"})
     _refuse_other_size(observation, camera.detector_size_px, camera, "raw")
-    table = table_of(camera)
-    marks = find_marks(observation, table) if table else None
-    model, evidence = chosen_model(camera, settings, marks)
-    if marks is not None and marks.found.any() and settings.fill_marks:
-        observation = filled(observation, marks)
+    seen, clean = seen_marks(observation, camera)
+    model, evidence = chosen_model(camera, settings, seen)
+    observation = clean if settings.fill_marks else observation
     evidence = {**evidence, "space": settings.space, "kernel": settings.kernel}
     if settings.space == "sensor" or isinstance(model, Identity):
         return Undistorted(observation, model, evidence)
     return Undistorted(resampled(observation, model, settings.kernel), model, evidence)
+
+
+def seen_marks(observation: Observation, camera: Camera) -> tuple[SeenMarks | None, Observation]:
+    """The marks of a raw frame with the bending of its beam, and the frame with the marks filled; None and the frame
+    itself for a camera without marks, or a product that has none any more."""
+    table = table_of(camera)
+    if table is None:
+        return None, observation
+    marks = find_marks(observation, table)
+    if not marks.found.any():
+        return SeenMarks(marks), observation
+    clean = filled(observation, marks)
+    return SeenMarks(marks, bending_field(clean, camera.saturation_dn)), clean
 
 
 def _refuse_other_size(observation: Observation, size_px: tuple[int, int], camera: Camera, frame: str) -> None:

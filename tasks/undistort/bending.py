@@ -71,8 +71,8 @@ def bending_field(observation: Observation, saturation_dn: float | None) -> Bend
 
 
 def _kernels(half: int) -> tuple[Array, Array]:
-    """Weights of the pixels around: unit vector times exp(-r / RANGE_PX), of unread lines only; the own line, half read,
-    counts half."""
+    """Weights of the pixels around: unit vector times exp(-r / RANGE_PX), of unread lines only; the line that is being
+    read counts half."""
     y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
     distance = np.maximum(np.hypot(x, y), 0.5)
     unread = (y > 0) + 0.5 * (y == 0)

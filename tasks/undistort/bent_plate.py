@@ -73,20 +73,29 @@ class BentModel:
 def fit_bent_plate(
     marks: MarkSet, field: BendingField, degree: int = DEFAULT_DEGREE, smoothing: float = SMOOTHING
 ) -> BentModel:
-    """Thin plate through the marks with their bending taken off; the coefficient is the one that makes the marks best
-    predicted from each other, robustly, together with what other frames gave (for raw data numbers).
+    """Thin plate through the marks with their bending taken off; its coefficient is what this frame's marks give
+    together with what other frames gave (for raw data numbers).
 
     In other units it is taken only when it is `SIGNIFICANT` times its error. Raises RefusedError as `fit_thin_plate`.
     """
-    found = marks.found
-    pull = field(marks.raw_xy)
-    args = (marks.sigma_px, marks.raw_size_px, degree, smoothing, found)
-    both = SmoothSurface(marks.raw_xy, np.hstack([marks.object_xy, pull]), *args)
-    px_per_dn, spread = _coefficient(both.leave_one_out[found, :2].ravel(), both.leave_one_out[found, 2:].ravel())
-    px_per_dn, spread = _with_experience(px_per_dn, spread, field.in_dn)
-    surface = SmoothSurface(marks.raw_xy, marks.object_xy - px_per_dn * pull, *args)
+    px_per_dn, spread = _with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
+    unbent = marks.object_xy - px_per_dn * field(marks.raw_xy)
+    surface = SmoothSurface(
+        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
+    )
     plate = plate_of_surface(marks, surface, degree)
     return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"))
+
+
+def coefficient_of_frame(
+    marks: MarkSet, field: BendingField, degree: int = DEFAULT_DEGREE, smoothing: float = SMOOTHING
+) -> tuple[float, float]:
+    """Bending in undistorted px per DN that makes the marks best predicted from each other, robustly, and its error;
+    (0, inf) for a frame without brightness."""
+    values = np.hstack([marks.object_xy, field(marks.raw_xy)])
+    both = SmoothSurface(marks.raw_xy, values, marks.sigma_px, marks.raw_size_px, degree, smoothing)
+    left_out = both.leave_one_out[marks.found]
+    return _coefficient(left_out[:, :2].ravel(), left_out[:, 2:].ravel())
 
 
 def _coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
@@ -108,4 +117,3 @@ def _with_experience(k: float, spread: float, in_dn: bool) -> tuple[float, float
         return (k, spread) if k > SIGNIFICANT * spread else (0.0, 0.0)
     ours, usual = 1.0 / spread**2, 1.0 / USUAL_SPREAD_PX_PER_DN**2
     return (ours * k + usual * USUAL_PX_PER_DN) / (ours + usual), float(np.sqrt(1.0 / (ours + usual)))
-

@@ -1,5 +1,6 @@
 """From camera file, settings and frame to a distortion model."""
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,10 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.reseau import ReseauTable, find_reseau_table
 from catalog.reseau.archive import is_archive_table, read_archive_marks
+from tasks.undistort.bending import BendingField
+from tasks.undistort.bent_plate import BentModel
 from tasks.undistort.mark_set import MarkSet, marks_of_frame, marks_of_table
-from tasks.undistort.methods import METHODS, FittedModel, fit_model
+from tasks.undistort.methods import BENDING, METHODS, FittedModel, fit_model
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES, optics_model
 from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
@@ -17,33 +20,48 @@ from tasks.undistort.settings import UndistortSettings
 from tasks.undistort.turned import TurnedModel
 
 RESEAU = "reseau"
-BEST_METHOD = "thin-plate"
+
+
+@dataclass(frozen=True)
+class SeenMarks:
+    """What a frame shows: its marks, and the bending of the beam that follows from its brightness."""
+
+    marks: ReseauMarks
+    bending: BendingField | None = None
+
+    @property
+    def count(self) -> int:
+        """How many marks were found."""
+        return int(self.marks.found.sum())
 
 
 def chosen_model(
-    camera: Camera, settings: UndistortSettings, marks: ReseauMarks | None = None
+    camera: Camera, settings: UndistortSettings, seen: SeenMarks | None = None
 ) -> tuple[DistortionModel, dict[str, Any]]:
     """The model that the settings choose for the camera, and evidence (plain values) about it.
 
-    marks: what `find_marks` measured in the frame; without them the camera's nominal table is used. Raises RefusedError
-    when the camera lacks what the method needs, or the marks do not carry the method.
+    seen: what was measured in the frame; without it the camera's nominal table is used. Raises RefusedError when the
+    camera lacks what the method needs, or the marks do not carry the method.
     """
-    method = chosen_method(camera, settings)
+    method = chosen_method(camera, settings, seen)
     model: DistortionModel
     if method in OPTICS_NAMES:
         model, evidence = optics_model(method, camera, _parameters(camera, method)), {"method": method}
     else:
-        model, evidence = _fitted(camera, settings, method, marks)
+        model, evidence = _fitted(camera, settings, method, seen)
     if settings.roll == "none":
         return model, evidence
     roll_deg = float(_given(camera, "published_roll_deg"))
     return TurnedModel(model, roll_deg, camera.centre_px), {**evidence, "roll_deg": roll_deg}
 
 
-def chosen_method(camera: Camera, settings: UndistortSettings) -> str:
-    """Name of the method: the settings', or what the camera file asks for. Raises RefusedError for an unknown one."""
-    asked = camera.distortion.model if settings.method == "camera" else settings.method
-    method = BEST_METHOD if asked == RESEAU else asked
+def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks | None = None) -> str:
+    """Name of the method: the settings', or what the camera file asks for; the best one for reseau cameras depends on
+    what was seen in the frame. Raises RefusedError for an unknown method."""
+    method = camera.distortion.model if settings.method == "camera" else settings.method
+    if method == RESEAU:
+        bends = seen is not None and seen.bending is not None and uses_found_marks(settings, seen)
+        method = BENDING if bends else "thin-plate"
     if method in METHODS and camera.distortion.model != RESEAU:
         raise RefusedError(
             "distortion-without-marks",
@@ -59,25 +77,31 @@ def chosen_method(camera: Camera, settings: UndistortSettings) -> str:
     return method
 
 
+def uses_found_marks(settings: UndistortSettings, seen: SeenMarks | None) -> bool:
+    """Whether the model is fitted to the frame's own marks."""
+    return settings.marks in ("auto", "found") and seen is not None and seen.count >= ENOUGH_MARKS
+
+
 def table_of(camera: Camera) -> ReseauTable | None:
     """The camera's nominal reseau table, None for a camera without marks."""
     return find_reseau_table(str(_given(camera, "table"))) if camera.distortion.model == RESEAU else None
 
 
 def _fitted(
-    camera: Camera, settings: UndistortSettings, method: str, marks: ReseauMarks | None
+    camera: Camera, settings: UndistortSettings, method: str, seen: SeenMarks | None
 ) -> tuple[FittedModel, dict[str, Any]]:
-    found = 0 if marks is None else int(marks.found.sum())
     evidence: dict[str, Any] = {"method": method}
-    if marks is not None:
-        evidence |= {"marks_found": found, "marks_expected": len(marks.found), "marks_by_state": marks.counts()}
-    if settings.marks in ("auto", "found") and marks is not None and found >= ENOUGH_MARKS:
-        model = fit_model(method, marks_of_frame(marks, camera.detector_size_px, camera.size_px), settings.degree)
+    if seen is not None:
+        counts = {"marks_found": seen.count, "marks_expected": len(seen.marks.found)}
+        evidence |= counts | {"marks_by_state": seen.marks.counts()}
+    if seen is not None and uses_found_marks(settings, seen):
+        marks = marks_of_frame(seen.marks, camera.detector_size_px, camera.size_px)
+        model = fit_model(method, marks, settings.degree, seen.bending)
         return model, {**evidence, "marks": "found", **_quality(model)}
     if settings.marks == "found":
         raise RefusedError(
             "marks-not-found",
-            f"only {found} reseau marks were found, {ENOUGH_MARKS} are needed.",
+            f"only {0 if seen is None else seen.count} reseau marks were found, {ENOUGH_MARKS} are needed.",
             "Use marks = auto or nominal; cleaned and corrected products have no marks any more.",
         )
     name = "nominal" if settings.marks == "auto" else settings.marks
@@ -87,7 +111,10 @@ def _fitted(
 
 def _quality(model: FittedModel) -> dict[str, Any]:
     """The fit's figures; a triangulation's leave-one-out takes a second, so it is left to those who ask for it."""
-    return {"marks_used": int(model.marks.found.sum())} | ({} if model.name == "delaunay" else model.report.summary())
+    figures: dict[str, Any] = {"marks_used": int(model.marks.found.sum())}
+    if isinstance(model, BentModel):
+        figures |= {"bending_px_per_dn": model.px_per_dn, "bending_spread_px_per_dn": model.spread}
+    return figures | ({} if model.name == "delaunay" else model.report.summary())
 
 
 def _fitted_to_table(camera: Camera, name: str, method: str, degree: int | None) -> FittedModel:

@@ -129,11 +129,14 @@ def _figure(panels: int, inches: float) -> "tuple[Figure, list[Axes]]":
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    columns = min(panels, 2)
+    columns = min(panels, 3 if panels > 4 else 2)
     rows = -(-panels // columns)
     figure = Figure(figsize=(inches * columns, inches * rows), dpi=DPI, layout="constrained")
     FigureCanvasAgg(figure)
-    return figure, list(np.atleast_1d(figure.subplots(rows, columns)).ravel())
+    grid = list(np.atleast_1d(figure.subplots(rows, columns)).ravel())
+    for spare in grid[panels:]:
+        spare.set_axis_off()
+    return figure, grid[:panels]
 
 
 def _show_image(panel: "Axes", image: NDArray[np.float32]) -> None:

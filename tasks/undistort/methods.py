@@ -4,6 +4,8 @@ from collections.abc import Callable
 from typing import Any
 
 from catalog.errors import RefusedError
+from tasks.undistort.bending import BendingField
+from tasks.undistort.bent_plate import BentModel, fit_bent_plate
 from tasks.undistort.delaunay import DelaunayModel
 from tasks.undistort.mark_set import MarkSet
 from tasks.undistort.polynomial import fit_polynomial
@@ -11,24 +13,37 @@ from tasks.undistort.radial import fit_radial
 from tasks.undistort.smooth_model import SmoothModel
 from tasks.undistort.thin_plate import fit_thin_plate
 
-FittedModel = SmoothModel | DelaunayModel
+FittedModel = SmoothModel | DelaunayModel | BentModel
 
 _WITH_DEGREE: dict[str, Callable[..., SmoothModel]] = {
     "radial": fit_radial,
     "polynomial": fit_polynomial,
     "thin-plate": fit_thin_plate,
 }
-METHODS = ("radial", "polynomial", "delaunay", "thin-plate")
+BENDING = "beam-bending"
+METHODS = ("radial", "polynomial", "delaunay", "thin-plate", BENDING)
 
 
-def fit_model(method: str, marks: MarkSet, degree: int | None = None) -> FittedModel:
-    """Fit `method` (one of `METHODS`) to the marks; degree None is the method's default.
+def fit_model(
+    method: str, marks: MarkSet, degree: int | None = None, bending: BendingField | None = None
+) -> FittedModel:
+    """Fit `method` (one of `METHODS`) to the marks; degree None is the method's default. bending: the frame's, which
+    the method beam-bending needs.
 
-    Raises RefusedError when the marks are too few, collinear or out of order, or the degree is too high for them.
+    Raises RefusedError when the marks are too few, collinear or out of order, the degree is too high for them, or the
+    method is unknown or lacks what it needs.
     """
+    given: dict[str, Any] = {} if degree is None else {"degree": degree}
     if method == "delaunay":
         return DelaunayModel(marks)
+    if method == BENDING and bending is not None:
+        return fit_bent_plate(marks, bending, **given)
+    if method == BENDING:
+        raise RefusedError(
+            "bending-without-frame",
+            "beam bending follows from the brightness of a frame and the marks found in it, and there is none.",
+            "Use the method thin-plate with a table of marks.",
+        )
     if method not in _WITH_DEGREE:
         raise RefusedError("method-unknown", f"no distortion method is called {method!r}.", f"Use one of {METHODS}.")
-    given: dict[str, Any] = {} if degree is None else {"degree": degree}
     return _WITH_DEGREE[method](marks, **given)

@@ -1,85 +1,16 @@
 """Resampling of a raw frame into the undistorted one, with its noise and quality."""
 
-from functools import lru_cache
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import UNUSABLE, Observation, Quality
+from tasks.undistort.frame_map import raw_places
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.settings import Kernel
 
-COARSE_STEP_PX = 10
 CUBIC_A = -0.75  # OpenCV's bicubic
 LANCZOS_LOBES = 4
 KERNEL_REACH_PX = {"bilinear": 1, "bicubic": 2, "lanczos": 4}
-
-
-@lru_cache(maxsize=8)
-def raw_places(model: DistortionModel) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Raw x and y, each float32 (ny, nx), of all undistorted pixels, and which of them are extrapolated.
-
-    Remembered for the last few models. Models that call themselves smooth are evaluated every `COARSE_STEP_PX` and
-    interpolated by cubic splines (off by up to 0.002 px beside a mark), since their inverse is a Newton iteration.
-    """
-    columns, rows = model.size_px
-    grid = _grid(np.arange(columns), np.arange(rows))
-    xy = _splined(model, columns, rows) if getattr(model, "smooth", True) else None
-    if xy is None:
-        xy = _in_blocks(model, grid)
-    outside = model.extrapolated(grid)
-    return np.ascontiguousarray(xy[..., 0], np.float32), np.ascontiguousarray(xy[..., 1], np.float32), outside
-
-
-def _grid(x: NDArray, y: NDArray) -> NDArray[np.float64]:
-    return np.stack(np.meshgrid(x, y), axis=-1).astype(np.float64)
-
-
-def _in_blocks(model: DistortionModel, grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.concatenate([model.distort_points(rows) for rows in np.array_split(grid, max(1, len(grid) // 100))])
-
-
-def _splined(model: DistortionModel, columns: int, rows: int) -> NDArray[np.float64] | None:
-    """Raw places (rows, columns, 2) from a coarse grid; None where the model has gaps, which splines cannot bridge.
-
-    The model's own inverse is asked at every second node only; one Newton step, whose derivative is that of the spline
-    through those, brings the other nodes to it.
-    """
-    rough_x, rough_y = (np.linspace(0, n - 1, max(n // (2 * COARSE_STEP_PX) + 1, 4)) for n in (columns, rows))
-    rough = model.distort_points(_grid(rough_x, rough_y))
-    if not np.isfinite(rough).all():
-        return None
-    through_rough = _splines(rough_x, rough_y, rough)
-    x, y = (np.linspace(0, n - 1, max(n // COARSE_STEP_PX + 1, 4)) for n in (columns, rows))
-    places = np.stack([spline(y, x) for spline in through_rough], axis=-1)
-    missed = model.undistort_points(places) - _grid(x, y)
-    for axis, spline in enumerate(through_rough):
-        places[..., axis] -= spline(y, x, dy=1) * missed[..., 0] + spline(y, x, dx=1) * missed[..., 1]
-    return np.stack([spline(np.arange(rows), np.arange(columns)) for spline in _splines(x, y, places)], axis=-1)
-
-
-def _splines(x: NDArray[np.float64], y: NDArray[np.float64], values: NDArray[np.float64]) -> list[Any]:
-    """Cubic splines (line first) through values (ny, nx, 2)."""
-    from scipy.interpolate import RectBivariateSpline
-
-    return [RectBivariateSpline(y, x, values[..., axis]) for axis in range(2)]
-
-
-@lru_cache(maxsize=8)
-def uncertainty_plane(model: DistortionModel) -> NDArray[np.float32]:
-    """Expected 1-sigma error of one coordinate, float32 (ny, nx), undistorted pixels, at each undistorted pixel: what
-    the distortion adds to the error of a place. Interpolated from a coarse grid; remembered for the last few models."""
-    import cv2
-
-    columns, rows = model.size_px
-    step = 4 * COARSE_STEP_PX
-    x, y = (np.linspace(0, n - 1, max(n // step + 1, 4)) for n in (columns, rows))
-    coarse = model.uncertainty_px(_grid(x, y)).astype(np.float32)
-    at_x = np.arange(columns, dtype=np.float32) * np.float32((len(x) - 1) / (columns - 1))
-    at_y = np.arange(rows, dtype=np.float32) * np.float32((len(y) - 1) / (rows - 1))
-    map_x, map_y = np.meshgrid(at_x, at_y)
-    return np.asarray(cv2.remap(coarse, map_x, map_y, cv2.INTER_LINEAR), dtype=np.float32)
 
 
 def resampled(observation: Observation, model: DistortionModel, kernel: Kernel = "bilinear") -> Observation:

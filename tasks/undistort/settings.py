@@ -5,14 +5,14 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 OpticsMethod = Literal["none", "ssi-cubic", "ssi-quadratic", "radial-k1", "lorri-em"]
-MarksMethod = Literal["radial", "polynomial", "delaunay", "thin-plate"]
+MarksMethod = Literal["radial", "polynomial", "delaunay", "thin-plate", "beam-bending"]
 Kernel = Literal["bilinear", "bicubic", "lanczos"]
 
 
 class UndistortSettings(BaseModel):
-    """method: `camera` is what the camera file says (for reseau cameras: thin-plate, which predicts marks best); the
-    others by name (the paper's choice for Voyager is delaunay). degree: of the radial or general polynomial, or of the
-    thin plate's trend; None is the method's default.
+    """method: `camera` is what the camera file says (for reseau cameras the one that predicts marks best: beam-bending
+    where marks were found, thin-plate on a table); the others by name (the paper's choice for Voyager is delaunay).
+    degree: of the radial or general polynomial, or of the thin plate's trend; None is the method's default.
 
     marks: `auto` measures the reseau marks in the frame and falls back on the camera's nominal table when too few are
     found, `found` refuses instead, `nominal` trusts the table; anything else is the path of a table: tab-separated as

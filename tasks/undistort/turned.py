@@ -32,26 +32,25 @@ class TurnedModel:
         """Size (nx, ny) of the undistorted frame."""
         return self.model.size_px
 
-    @property
-    def smooth(self) -> bool:
-        """Whether the map may be interpolated from a coarse grid."""
-        return bool(getattr(self.model, "smooth", True))
-
     def undistort_points(self, xy_raw: ArrayLike) -> Points:
         """Undistorted places (..., 2) of raw pixels (..., 2)."""
         return self._turn(self.model.undistort_points(xy_raw), self.roll_deg)
 
     def distort_points(self, xy: ArrayLike) -> Points:
         """Raw places (..., 2) of undistorted pixels (..., 2)."""
-        return self.model.distort_points(self._turn(xy, -self.roll_deg))
+        return self.model.distort_points(self.unturned(xy))
 
     def extrapolated(self, xy: ArrayLike) -> NDArray[np.bool_]:
         """True (...,) for undistorted pixels beyond what the model was measured on."""
-        return self.model.extrapolated(self._turn(xy, -self.roll_deg))
+        return self.model.extrapolated(self.unturned(xy))
 
     def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
         """The inner model's 1-sigma error (...,) of one coordinate."""
-        return self.model.uncertainty_px(self._turn(xy, -self.roll_deg))
+        return self.model.uncertainty_px(self.unturned(xy))
+
+    def unturned(self, xy: ArrayLike) -> Points:
+        """Where undistorted pixels (..., 2) were before the turn."""
+        return self._turn(xy, -self.roll_deg)
 
     def _turn(self, xy: ArrayLike, angle_deg: float) -> Points:
         c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
