@@ -13,8 +13,11 @@ def et_from_utc(utc: str) -> float:
     from astropy.time import Time
 
     text = utc.strip().removesuffix("Z")
-    day_of_year = len(text) > 8 and text[4] == "-" and text[8:9] in ("T", "")
-    time = Time(f"{text[:4]}:{text[5:].replace('T', ':')}" if day_of_year else text, format="yday" if day_of_year else "isot", scale="utc")
+    day_of_year = len(text) > 8 and text[4] == "-" and text[8] == "T"
+    if day_of_year:
+        time = Time(f"{text[:4]}:{text[5:].replace('T', ':')}", format="yday", scale="utc")
+    else:
+        time = Time(text, format="isot", scale="utc")
     return float((time.tdb - Time(J2000_TT_JD, format="jd", scale="tdb")).sec)
 
 
