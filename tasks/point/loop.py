@@ -19,6 +19,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Progress = Callable[[str, int, str], None]
+RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 
 class PointSettings(BaseModel):
@@ -26,7 +27,7 @@ class PointSettings(BaseModel):
     min_score, min_correlation: below these the target counts as not found."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    registration: Literal["intensity", "limb"] = "intensity"
+    registration: RegistrationName = "least-squares"
     coarse: bool = True
     diameter_px: float = Field(300.0, gt=0)
     stop_px: float = Field(0.02, gt=0)

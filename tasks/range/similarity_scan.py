@@ -16,7 +16,7 @@ from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.compare.similarity import ssim
 from tasks.correction import Correction
-from tasks.point.registration.intensity import gauss_newton_step, moved
+from tasks.point.registration.least_squares import gauss_newton_step, moved
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
 

@@ -1,70 +1,62 @@
-"""Least squares on intensities: offset, brightness of each basis image and background, solved together."""
+"""Mean squares by regular-step gradient descent on an image pyramid (the paper's imregtform)."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.compare.brightness import brightness_columns, correlation, fit_brightness, robust_least_squares
+from tasks.compare.brightness import correlation
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
+from tasks.point.registration.least_squares import moved
+from tasks.point.registration.sampling import Picture, two_pictures
 
-MAX_ITERATIONS = 15
-CONVERGED_PX = 3e-3
-NEAR_PX = 0.7
-
-
-def moved(image: NDArray[np.float32], offset_px: NDArray[np.float64]) -> NDArray[np.float32]:
-    """`image` (ny, nx) displaced by (dx, dy) pixels, cubic, edges replicated."""
-    import cv2
-
-    transform = np.array([[1, 0, offset_px[0]], [0, 1, offset_px[1]]], dtype=np.float64)
-    ny, nx = image.shape
-    return cv2.warpAffine(image, transform, (nx, ny), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+LEVELS = (4, 2, 1)
+MAX_ITERATIONS = 200
+FIRST_STEP_PX, LAST_STEP_PX = 1.0, 1e-4
+RELAXATION = 0.5
 
 
 def register_intensity(match: Match) -> Shift:
-    """Offset by Gauss-Newton steps on mean squares, where each step also solves the brightness of every basis image
-    and the background; coarse to fine, so that it starts from some pixels away."""
-    offset = np.zeros(2)
-    iterations = 0
-    covariance = np.full((2, 2), np.nan)
-    step, _ = gauss_newton_step(match.image, match.weight, match.simulation.bases)
-    near = float(np.hypot(*step)) < NEAR_PX
-    for blur_px in (0.0,) if near else (4.0, 1.5, 0.0):
-        image, bases = blurred(match, blur_px)
-        for _ in range(MAX_ITERATIONS):
-            iterations += 1
-            shifted = np.stack([moved(b, offset) for b in bases])
-            step, covariance = gauss_newton_step(image, match.weight, shifted)
-            limit = 2.0 + 2 * blur_px
-            offset = offset + step * min(1.0, limit / max(float(np.hypot(*step)), 1e-12))
-            if np.abs(step).max() < max(CONVERGED_PX, 0.02 * blur_px):
-                break
-    shifted = np.stack([moved(b, offset) for b in match.simulation.bases])
-    model, _ = fit_brightness(match, shifted)
-    return Shift(offset, covariance, iterations, correlation(match.image, model, match.usable))
+    """Offset by steps of given length down the gradient of the mean squared difference, shortened whenever the
+    gradient turns back, on coarser to finer pictures."""
+    image, simulated = two_pictures(match)
+    offset, iterations = np.zeros(2), 0
+    for level in LEVELS:
+        if min(image.shape) // level < 16:
+            continue
+        usable = _reduced(match.usable.astype(np.float32), level) > 0.999
+        offset, count = _descend(_reduced(image, level), _reduced(simulated, level), usable, offset / level)
+        offset, iterations = offset * level, iterations + count
+    return Shift(offset, None, iterations, correlation(image, moved(simulated, offset), match.usable))
 
 
-def gauss_newton_step(
-    image: NDArray[np.float32], weight: NDArray[np.float32], bases: NDArray[np.float32]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """One linearised step: (dx, dy) by which the simulated target must move, and its covariance (2, 2)."""
-    columns = brightness_columns(bases)
-    coefficients, _, _ = robust_least_squares(columns, image, weight)
-    d_row, d_column = np.gradient(np.tensordot(coefficients, columns, 1))
-    moves = np.stack([-d_column, -d_row]).astype(np.float32)
-    solution, covariance, _ = robust_least_squares(np.concatenate([columns, moves]), image, weight)
-    return solution[-2:], covariance[-2:, -2:]
-
-
-def blurred(match: Match, sigma_px: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Image and bases blurred alike; the image's unusable pixels do not bleed into usable ones."""
-    if sigma_px == 0:
-        return match.image, match.simulation.bases
+def _reduced(picture: Picture, level: int) -> Picture:
     import cv2
 
-    def blur(a: NDArray[np.float32]) -> NDArray[np.float32]:
-        return cv2.GaussianBlur(a, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    if level == 1:
+        return picture
+    ny, nx = picture.shape
+    cut = picture[: ny // level * level, : nx // level * level]
+    return cv2.resize(cut, (nx // level, ny // level), interpolation=cv2.INTER_AREA)
 
-    usable = match.usable.astype(np.float32)
-    image = np.divide(blur(match.image * usable), blur(usable), out=match.image.copy(), where=blur(usable) > 0.05)
-    return image, np.stack([blur(b) for b in match.simulation.bases])
+
+def _descend(
+    image: Picture, simulated: Picture, usable: NDArray[np.bool_], start: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], int]:
+    offset, step, before = start.copy(), FIRST_STEP_PX, np.zeros(2)
+    for count in range(1, MAX_ITERATIONS + 1):
+        shifted = moved(simulated, offset)
+        d_row, d_column = np.gradient(shifted)
+        difference = (shifted - image)[usable]
+        # The simulation moves by +offset, so its change with the offset is minus its slope.
+        slopes = np.stack([d_column[usable], d_row[usable]])
+        gradient = -(slopes @ difference).astype(np.float64) / difference.size
+        length = float(np.hypot(*gradient))
+        if length < 1e-12:
+            return offset, count
+        if gradient @ before < 0:
+            step *= RELAXATION
+        if step < LAST_STEP_PX:
+            return offset, count
+        offset = offset - step * gradient / length
+        before = gradient
+    return offset, MAX_ITERATIONS

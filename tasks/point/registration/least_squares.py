@@ -1,0 +1,70 @@
+"""Least squares on intensities: offset, brightness of each basis image and background, solved together."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.compare.brightness import brightness_columns, correlation, fit_brightness, robust_least_squares
+from tasks.compare.match import Match
+from tasks.point.registration.base import Shift
+
+MAX_ITERATIONS = 15
+CONVERGED_PX = 3e-3
+NEAR_PX = 0.7
+
+
+def moved(image: NDArray[np.float32], offset_px: NDArray[np.float64]) -> NDArray[np.float32]:
+    """`image` (ny, nx) displaced by (dx, dy) pixels, cubic, edges replicated."""
+    import cv2
+
+    transform = np.array([[1, 0, offset_px[0]], [0, 1, offset_px[1]]], dtype=np.float64)
+    ny, nx = image.shape
+    return cv2.warpAffine(image, transform, (nx, ny), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+
+
+def register_least_squares(match: Match) -> Shift:
+    """Offset by Gauss-Newton steps on mean squares, where each step also solves the brightness of every basis image
+    and the background; coarse to fine, so that it starts from some pixels away."""
+    offset = np.zeros(2)
+    iterations = 0
+    covariance = np.full((2, 2), np.nan)
+    step, _ = gauss_newton_step(match.image, match.weight, match.simulation.bases)
+    near = float(np.hypot(*step)) < NEAR_PX
+    for blur_px in (0.0,) if near else (4.0, 1.5, 0.0):
+        image, bases = blurred(match, blur_px)
+        for _ in range(MAX_ITERATIONS):
+            iterations += 1
+            shifted = np.stack([moved(b, offset) for b in bases])
+            step, covariance = gauss_newton_step(image, match.weight, shifted)
+            limit = 2.0 + 2 * blur_px
+            offset = offset + step * min(1.0, limit / max(float(np.hypot(*step)), 1e-12))
+            if np.abs(step).max() < max(CONVERGED_PX, 0.02 * blur_px):
+                break
+    shifted = np.stack([moved(b, offset) for b in match.simulation.bases])
+    model, _ = fit_brightness(match, shifted)
+    return Shift(offset, covariance, iterations, correlation(match.image, model, match.usable))
+
+
+def gauss_newton_step(
+    image: NDArray[np.float32], weight: NDArray[np.float32], bases: NDArray[np.float32]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """One linearised step: (dx, dy) by which the simulated target must move, and its covariance (2, 2)."""
+    columns = brightness_columns(bases)
+    coefficients, _, _ = robust_least_squares(columns, image, weight)
+    d_row, d_column = np.gradient(np.tensordot(coefficients, columns, 1))
+    moves = np.stack([-d_column, -d_row]).astype(np.float32)
+    solution, covariance, _ = robust_least_squares(np.concatenate([columns, moves]), image, weight)
+    return solution[-2:], covariance[-2:, -2:]
+
+
+def blurred(match: Match, sigma_px: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Image and bases blurred alike; the image's unusable pixels do not bleed into usable ones."""
+    if sigma_px == 0:
+        return match.image, match.simulation.bases
+    import cv2
+
+    def blur(a: NDArray[np.float32]) -> NDArray[np.float32]:
+        return cv2.GaussianBlur(a, (0, 0), sigma_px, borderType=cv2.BORDER_REPLICATE)
+
+    usable = match.usable.astype(np.float32)
+    image = np.divide(blur(match.image * usable), blur(usable), out=match.image.copy(), where=blur(usable) > 0.05)
+    return image, np.stack([blur(b) for b in match.simulation.bases])
