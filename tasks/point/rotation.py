@@ -50,13 +50,25 @@ def pose_pointed_at(pose: Pose, camera: Camera, xy_px: ArrayLike) -> Pose:
     the target was behind the camera."""
     here = pose.target_in_camera_km / pose.range_km
     there = camera.ray(np.asarray(xy_px, dtype=np.float64))
-    axis = np.cross(here, there)
-    cosine = float(here @ there)
-    if cosine < -1 + 1e-12:
-        axis_of_half_turn = np.cross(there, [1.0, 0.0, 0.0])
-        axis_of_half_turn /= np.linalg.norm(axis_of_half_turn)
-        turn = 2 * np.outer(axis_of_half_turn, axis_of_half_turn) - np.eye(3)
-    else:
+    return pose.replaced(camera_from_j2000=smallest_turn(here, there) @ pose.camera_from_j2000)
+
+
+def smallest_turn(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Smallest rotation (3, 3) that turns unit vector `a` (3,) to unit vector `b` (3,), also a nearly opposite one."""
+    cosine = float(a @ b)
+    if cosine > -0.5:
+        axis = np.cross(a, b)
         cross = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-        turn = np.eye(3) + cross + cross @ cross / (1 + cosine)
-    return pose.replaced(camera_from_j2000=turn @ pose.camera_from_j2000)
+        return np.eye(3) + cross + cross @ cross / (1 + cosine)
+    # Two reflections by way of a vector square to b: nothing is divided by what vanishes for opposite vectors.
+    between = a - cosine * b
+    if np.linalg.norm(between) < 1e-6:
+        between = np.cross(b, np.eye(3)[np.argmin(np.abs(b))])
+    between /= np.linalg.norm(between)
+    return _reflection(between, b) @ _reflection(a, between)
+
+
+def _reflection(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The reflection (3, 3) that takes `a` (3,) to `b` (3,), of equal lengths."""
+    apart = a - b
+    return np.eye(3) - 2 * np.outer(apart, apart) / (apart @ apart)
