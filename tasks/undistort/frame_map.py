@@ -49,6 +49,15 @@ def uncertainty_plane(model: DistortionModel) -> Plane:
     return np.asarray(cv2.remap(coarse, map_x, map_y, cv2.INTER_LINEAR), dtype=np.float32)
 
 
+def undistorted_places(model: DistortionModel) -> Array:
+    """Undistorted places (ny, nx, 2), x and y, of all pixels of the raw frame: with them the geometry of unresampled
+    pixels is projected (sensor space)."""
+    columns, rows = model.raw_size_px
+    grid = _grid(np.arange(columns), np.arange(rows))
+    blocks = np.array_split(grid, max(1, rows // BLOCK_ROWS))
+    return np.concatenate([model.undistort_points(block) for block in blocks])
+
+
 def _places(model: DistortionModel) -> Array:
     """Raw places (ny, nx, 2) of all undistorted pixels."""
     if isinstance(model, TurnedModel):

@@ -1,17 +1,36 @@
-"""The cached step: undistort."""
+"""The cached step: undistort.
+
+Later steps always get the undistorted image. Beside it, in DISTORTION, lie what else a cube may carry: the expected
+error of the distortion at each undistorted pixel, and for the setting space = sensor the unresampled frame with the
+undistorted place of each of its pixels.
+"""
 
 from typing import Any
 
+from numpy.typing import NDArray
+
 from tasks.plain import plain
-from tasks.stored import camera_of, frame_of, save_observation
+from tasks.stored import camera_of, frame_of, save_arrays, save_observation
 from tasks.undistort import UndistortSettings, undistort
+from tasks.undistort.frame_map import uncertainty_plane, undistorted_places
 from tasks.work import Work
+
+DISTORTION = "distortion"
 
 
 def run(work: Work) -> dict[str, Any]:
     """See `undistort`; the observation goes into the step's folder."""
-    frame = frame_of(work)
+    frame, camera = frame_of(work), camera_of(work)
     settings = UndistortSettings.model_validate(work.inputs["settings"])
-    undistorted = undistort(frame.observation, camera_of(work), settings, frame.undistorted)
+    resampling = settings.model_copy(update={"space": "resampled"})
+    undistorted = undistort(frame.observation, camera, resampling, frame.undistorted)
     save_observation(work.folder, undistorted.observation)
-    return {"model": undistorted.model.name, "evidence": plain(undistorted.evidence)}
+    beside: dict[str, NDArray[Any]] = {"uncertainty_px": uncertainty_plane(undistorted.model)}
+    if settings.space == "sensor":
+        sensor = undistort(frame.observation, camera, settings, frame.undistorted).observation
+        places = undistorted_places(undistorted.model)
+        beside |= {"sensor_image": sensor.image, "sensor_noise": sensor.noise, "sensor_quality": sensor.quality}
+        beside |= {"sensor_x_px": places[..., 0], "sensor_y_px": places[..., 1]}
+    save_arrays(work.folder / DISTORTION, **beside)
+    evidence = undistorted.evidence | {"space": settings.space}
+    return {"model": undistorted.model.name, "evidence": plain(evidence)}
