@@ -22,8 +22,10 @@ from flows.result import result_of
 from tasks.prefect_task import run_as_task
 from tasks.record import Record
 from tasks.step import Step
+from tasks.work import Progress
 
 Result = dict[str, Any]
+RunStep = Callable[[Step, Progress], Record]
 logger = logging.getLogger("planetpose")
 
 
@@ -78,9 +80,12 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
 
 
-def one_result(request: Request, reporter: Reporter, twin: str | None = None) -> Result:
-    """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result."""
-    chain = Chain(request, partial(run_and_report, reporter))
+def one_result(
+    request: Request, reporter: Reporter, twin: str | None = None, run_step: RunStep = run_as_task
+) -> Result:
+    """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result. With
+    `run_step=tasks.step.run` it needs neither flow nor server."""
+    chain = Chain(request, partial(run_and_report, reporter, run_step))
     error: Exception | None = None
     try:
         if twin:
@@ -96,11 +101,11 @@ def one_result(request: Request, reporter: Reporter, twin: str | None = None) ->
     return result
 
 
-def run_and_report(reporter: Reporter, step: Step) -> Record:
-    """Run one step as a task, telling the reporter that it begins and how it iterates."""
+def run_and_report(reporter: Reporter, run_step: RunStep, step: Step) -> Record:
+    """Run one step, telling the reporter that it begins and how it iterates."""
     reporter.message(step.product, step.name, 0, "")
 
     def progress(_: str, iteration: int, text: str) -> None:
         reporter.message(step.product, step.name, iteration, text)
 
-    return run_as_task(step, progress)
+    return run_step(step, progress)
