@@ -45,10 +45,9 @@ def _descend(
     offset, step, before = start.copy(), FIRST_STEP_PX, np.zeros(2)
     for count in range(1, MAX_ITERATIONS + 1):
         shifted = moved(simulated, offset)
-        d_row, d_column = np.gradient(np.asarray(shifted, np.float64))
         difference = (shifted - image)[usable]
         # The simulation moves by +offset, so its change with the offset is minus its slope.
-        slopes = np.stack([d_column[usable], d_row[usable]])
+        slopes = np.stack([np.gradient(shifted, axis=axis)[usable] for axis in (1, 0)])
         gradient = -(slopes @ difference).astype(np.float64) / difference.size
         length = float(np.hypot(*gradient))
         if length < 1e-12:
