@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 ORTHONORMAL_TOLERANCE = 1e-9
 
@@ -35,9 +34,13 @@ def nearest_rotation(matrix: ArrayLike) -> NDArray[np.float64]:
 
 def rotation_from_vector_deg(vector_deg: ArrayLike) -> NDArray[np.float64]:
     """Rotation matrix (3, 3) that turns vectors by |vector| degrees about `vector` (3,)."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_rotvec(np.radians(vector_deg)).as_matrix()
 
 
 def vector_deg_from_rotation(matrix: ArrayLike) -> NDArray[np.float64]:
     """Rotation vector (3,), degrees, of a rotation matrix (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
     return np.degrees(Rotation.from_matrix(matrix).as_rotvec())

@@ -168,7 +168,19 @@ def test_constraints_pin_every_dependency_and_name_no_host() -> None:
 
 
 def test_a_cached_answer_imports_nothing_that_is_slow() -> None:
-    slow = ("prefect", "mitsuba", "zarr", "xarray", "dask", "astropy", "matplotlib", "spiceypy", "pyproj", "skimage")
+    slow = (
+        "prefect",
+        "mitsuba",
+        "zarr",
+        "xarray",
+        "dask",
+        "astropy",
+        "matplotlib",
+        "spiceypy",
+        "pyproj",
+        "scipy",
+        "cv2",
+    )
     code = (
         "import sys, flows.cli, flows.run; flows.cli.build_app(); "
         f"print([name for name in {slow!r} if name in sys.modules])"
