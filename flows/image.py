@@ -7,6 +7,7 @@ from typing import Any
 
 from catalog.digest import sha256_of_json
 from catalog.errors import FailedError
+from catalog.reseau import reseau_table_path
 from flows.chain import Chain
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
 from flows.result import result_of
@@ -99,7 +100,15 @@ def undistort(chain: Chain, frame: dict[str, Any]) -> None:
     """Make the undistorted image."""
     settings = chain.request.profile.settings_of("undistort")
     inputs = image_inputs(chain, frame) | {"undistorted": frame["undistorted"], "settings": settings}
+    inputs |= {"reseau_tables": reseau_digests(frame["camera"], settings)}
     chain.do("undistort", "tasks.undistort.step", inputs, image_places(chain))
+
+
+def reseau_digests(camera: dict[str, Any], settings: dict[str, Any]) -> dict[str, str]:
+    """Content of the tables of marks that camera and settings name, from the catalog or from files of the user's."""
+    named = (camera.get("distortion", {}).get("table"), settings["marks"])
+    paths = {str(name): reseau_table_path(str(name)) for name in named if name}
+    return {name: digest_of(path, "reseau table") for name, path in paths.items() if path}
 
 
 def scene_inputs(

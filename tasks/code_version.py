@@ -20,7 +20,8 @@ def code_version(module: str) -> str:
     """Sixteen hex digits for the source of `module` and of all it imports from this project, however deep.
 
     A room (`tasks/point`) counts as a whole, because its bricks are chosen by name while running; catalog modules
-    count one by one, and data files (cameras, targets, maps) not at all: they enter a step's key by their content.
+    count one by one, and data files (cameras, targets, maps, reseau tables) not at all: they enter a step's key by
+    their content, as inputs.
     """
     digest = hashlib.sha256()
     for path in sorted(_reached_from(module)):

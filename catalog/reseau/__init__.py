@@ -32,15 +32,21 @@ def reseau_table_names() -> list[str]:
     return sorted(path.stem for path in RESEAU_FOLDER.glob("*.tsv"))
 
 
+def reseau_table_path(name_or_file: str) -> Path | None:
+    """File of a table of the catalog, or the user's own file; None for what names neither (`auto`, `nominal` ...)."""
+    if name_or_file in reseau_table_names():
+        return RESEAU_FOLDER / f"{name_or_file}.tsv"
+    return Path(name_or_file) if Path(name_or_file).is_file() else None
+
+
 def find_reseau_table(name_or_file: str) -> ReseauTable:
     """Table by catalog name, or from a tab-separated file with the same columns (1-based lines and samples).
 
     Raises RefusedError listing the known names, or naming the file and its fault.
     """
-    if name_or_file in reseau_table_names():
-        return _catalog_table(name_or_file)
-    if Path(name_or_file).is_file():
-        return read_reseau_table(Path(name_or_file))
+    path = reseau_table_path(name_or_file)
+    if path is not None:
+        return _table_in(path) if path.parent == RESEAU_FOLDER else read_reseau_table(path)
     raise RefusedError(
         "reseau-table-unknown",
         f"reseau table {name_or_file!r} is neither in the catalog nor a file.",
@@ -49,8 +55,8 @@ def find_reseau_table(name_or_file: str) -> ReseauTable:
 
 
 @cache
-def _catalog_table(name: str) -> ReseauTable:
-    return read_reseau_table(RESEAU_FOLDER / f"{name}.tsv")
+def _table_in(path: Path) -> ReseauTable:
+    return read_reseau_table(path)
 
 
 def read_reseau_table(path: Path) -> ReseauTable:
