@@ -25,7 +25,7 @@ def optical_flow(
     min_texture: float = 0.0,
 ) -> Flow:
     """Normalised cross-correlation (paper, eq. 13) of the `template_px` box around every pixel of the simulation with
-    every place inside the `search_px` box of the image, refined to a fraction of a pixel by parabolas.
+    every place inside the `search_px` box of the image, refined to a fraction of a pixel by paraboloids.
 
     image, simulation, usable: (ny, nx); min_texture: smallest standard deviation of a template. All templates are done
     at once: the sums of a box are box filters, one for each of the (search - template + 1)^2 displacements.
@@ -91,15 +91,25 @@ def peaks(
     def score(dr: int, dc: int) -> NDArray[np.float32]:
         return np.take_along_axis(flat, ((r + dr) * size + c + dc)[None], axis=0)[0]
 
-    here = score(0, 0)
-    dx = parabola_peak(score(0, -1), here, score(0, 1))
-    dy = parabola_peak(score(-1, 0), here, score(1, 0))
+    dx, dy = paraboloid_peak({(i, j): score(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)})
     displacement = np.stack([c - reach + dx, r - reach + dy], axis=-1).astype(np.float32)
     return displacement, np.take_along_axis(flat, best[None], axis=0)[0], inside
 
 
-def parabola_peak(left: NDArray, here: NDArray, right: NDArray) -> NDArray[np.float32]:
-    """Place of the maximum of a parabola through three equidistant values, within half a step."""
-    curvature = left - 2 * here + right
-    peak = np.divide(0.5 * (left - right), curvature, out=np.zeros_like(here), where=curvature < -1e-9)
-    return np.clip(peak, -0.5, 0.5)
+def paraboloid_peak(score: dict[tuple[int, int], NDArray]) -> tuple[NDArray, NDArray]:
+    """Place (x, y) of the maximum of a paraboloid through the values at (row, column) steps of -1, 0, 1, within a step.
+
+    Its mixed term matters: ridges that run across both axes draw two separate parabolas 0.1 px towards whole pixels.
+    Zero where the values have no maximum.
+    """
+    here = score[0, 0]
+    slope_x, slope_y = (score[0, 1] - score[0, -1]) / 2, (score[1, 0] - score[-1, 0]) / 2
+    xx, yy = score[0, 1] - 2 * here + score[0, -1], score[1, 0] - 2 * here + score[-1, 0]
+    xy = (score[1, 1] - score[1, -1] - score[-1, 1] + score[-1, -1]) / 4
+    determinant = xx * yy - xy**2
+    peaked = (determinant > 1e-12) & (xx < 0)
+    x, y = (
+        np.divide(top, determinant, out=np.zeros_like(here), where=peaked)
+        for top in (xy * slope_y - yy * slope_x, xy * slope_x - xx * slope_y)
+    )
+    return np.clip(x, -1, 1), np.clip(y, -1, 1)
