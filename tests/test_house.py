@@ -178,7 +178,7 @@ def test_a_cached_answer_imports_nothing_that_is_slow() -> None:
         "matplotlib",
         "spiceypy",
         "pyproj",
-        "scipy",
+        "skimage",
         "cv2",
     )
     code = (
