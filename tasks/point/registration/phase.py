@@ -19,7 +19,8 @@ def register_phase(match: Match) -> Shift:
 
     image, simulated = two_pictures(match)
     taper = np.outer(np.hanning(image.shape[0]), np.hanning(image.shape[1])).astype(np.float32) ** 0.25
-    pictures = [(picture - picture.min()) * taper for picture in (image, simulated)]
+    # One floor for both: a pedestal under one of them, tapered, would look like a shift.
+    pictures = [(picture - simulated.min()) * taper for picture in (image, simulated)]
     coarse, _, _ = phase_cross_correlation(*pictures, normalization="phase")
     near = float(np.hypot(*coarse)) <= 1.5
     normalization = None if near else "phase"
