@@ -1,4 +1,4 @@
-"""How far the pose's uncertainty moves each pixel's latitude and longitude."""
+"""How far the uncertainty of the pose, and of a pixel's own place, moves its latitude and longitude."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,19 +50,30 @@ def _checked(name: str, value: ArrayLike) -> Array:
 
 
 def coordinate_sigmas(
-    pose: Pose, camera: Camera, target: Target, uncertainty: PoseUncertainty, points_km: ArrayLike
+    pose: Pose,
+    camera: Camera,
+    target: Target,
+    uncertainty: PoseUncertainty,
+    points_km: ArrayLike,
+    place_px: ArrayLike = 0.0,
 ) -> tuple[Array, Array]:
     """1-sigma of latitude and longitude (n,), degrees, where the surface points (3, n) km, body-fixed, are seen.
 
-    Linear: sqrt(J C J^T) with `coordinate_jacobian`, so it grows without limit towards the limb (and longitude's
-    towards the poles), where it is cut at 90 and 180 degrees.
+    place_px: (n,) or one number, 1-sigma of each coordinate of a pixel's undistorted place, alike in all directions and
+    independent of the pose's errors: what the distortion adds.
+
+    Linear: sqrt(J C J^T) with `coordinate_jacobian`, and the place's part, which moves the line of sight as an offset
+    does, added in squares; so it grows without limit towards the limb (and longitude's towards the poles), where it is
+    cut at 90 and 180 degrees.
     """
     half, points = _square_root(uncertainty.covariance), np.asarray(points_km, dtype=np.float64)
+    place = np.broadcast_to(np.asarray(place_px, dtype=np.float64), points.shape[1:])
     sigmas = np.empty((2, points.shape[1]))
     for start in range(0, points.shape[1], BLOCK):  # blocks fit the processor's cache: four times faster than at once
         block = slice(start, start + BLOCK)
         for sigma, jacobian in zip(sigmas, coordinate_jacobian(pose, camera, target, points[:, block]), strict=True):
-            sigma[block] = np.sqrt(np.sum((half.T @ jacobian) ** 2, axis=0))
+            of_place = place[block] ** 2 * np.sum(jacobian[:2] ** 2, axis=0)
+            sigma[block] = np.sqrt(np.sum((half.T @ jacobian) ** 2, axis=0) + of_place)
     return np.minimum(sigmas[0], MAX_LATITUDE_SIGMA_DEG), np.minimum(sigmas[1], MAX_LONGITUDE_SIGMA_DEG)
 
 

@@ -87,6 +87,22 @@ def test_correlations_count():
     assert np.allclose(together[1], np.abs(longitude[:2].sum(axis=0)), atol=1e-7)
 
 
+def test_the_scatter_of_the_places_themselves_counts():
+    """The distortion's error against projections of pixels that are moved at random, beside a known pose error."""
+    pose = pose_of()
+    xy = grid_on_disk(pose)
+    place_px = np.linspace(0.05, 0.4, len(xy))
+    uncertainty = PoseUncertainty.from_sigmas({"offset_px": [0.1, 0.1], "range_factor": 0, "attitude_deg": [0, 0, 0]})
+    found = coordinate_sigmas(pose, CAMERA, BODY, uncertainty, points_at(pose, xy), place_px)
+    steps = np.random.default_rng(4).normal(size=(1500, *xy.shape)) * np.hypot(place_px, 0.1)[:, None]
+    base = coordinates(pose, xy, np.zeros(6))
+    samples = np.array([coordinates(pose, xy + step, np.zeros(6)) for step in steps]) - np.array(base)
+    scatter = np.sqrt(np.nanmean(((samples + 180) % 360 - 180) ** 2, axis=0))
+    steady = np.abs(base[0]) < 75
+    for sigma, seen in zip(found, scatter, strict=True):
+        assert np.abs(sigma / seen - 1)[steady].max() < 0.12
+
+
 def test_unknown_parts_are_listed_and_wrong_ones_refused():
     known = PoseUncertainty.from_sigmas({"offset_px": [0.1, 0.1], "range_factor": None})
     assert known.not_included == ("range_factor", "attitude_deg")
