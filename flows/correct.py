@@ -7,12 +7,13 @@ from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
 from functools import partial
+from threading import Event
 from typing import Any
 
 from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
-from catalog.errors import PlanetposeError, RefusedError
+from catalog.errors import FailedError, PlanetposeError, RefusedError
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.plan import twins
@@ -62,12 +63,12 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     Images run in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's lock.
     """
     listener, run_logger = _audience.get() or _nobody, get_run_logger()
-    refused = twins(requests)
+    refused, stop = twins(requests), Event()
     results: list[Result] = []
-    with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool:
+    with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool, stopping(pool, stop):
         # Each thread gets a copy of the flow's context: its tasks belong to this flow run.
         futures = [
-            pool.submit(copy_context().run, partial(one_result, request, listener.reporter, refused.get(position)))
+            pool.submit(copy_context().run, one_result, request, listener.reporter, refused.get(position), stop)
             for position, request in enumerate(requests)
         ]
         for future in futures:
@@ -80,12 +81,27 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
 
 
+@contextmanager
+def stopping(pool: ThreadPoolExecutor, stop: Event) -> Iterator[None]:
+    """When the `with` block is interrupted, images at work stop at their next iteration, and others are not begun."""
+    try:
+        yield
+    except BaseException:
+        stop.set()
+        pool.shutdown(wait=False, cancel_futures=True)
+        raise
+
+
 def one_result(
-    request: Request, reporter: Reporter, twin: str | None = None, run_step: RunStep = run_as_task
+    request: Request,
+    reporter: Reporter,
+    twin: str | None = None,
+    stop: Event | None = None,
+    run_step: RunStep = run_as_task,
 ) -> Result:
     """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result. With
     `run_step=tasks.step.run` it needs neither flow nor server."""
-    chain = Chain(request, partial(run_and_report, reporter, run_step))
+    chain = Chain(request, partial(run_and_report, reporter, stop or Event(), run_step))
     error: Exception | None = None
     try:
         if twin:
@@ -101,11 +117,13 @@ def one_result(
     return result
 
 
-def run_and_report(reporter: Reporter, run_step: RunStep, step: Step) -> Record:
-    """Run one step, telling the reporter that it begins and how it iterates."""
-    reporter.message(step.product, step.name, 0, "")
+def run_and_report(reporter: Reporter, stop: Event, run_step: RunStep, step: Step) -> Record:
+    """Run one step, telling the reporter that it begins and how it iterates. Raises FailedError once `stop` is set."""
 
     def progress(_: str, iteration: int, text: str) -> None:
+        if stop.is_set():
+            raise FailedError("interrupted", "the command was interrupted.", "Run it again: finished steps stay.")
         reporter.message(step.product, step.name, iteration, text)
 
+    progress(step.name, 0, "")
     return run_step(step, progress)

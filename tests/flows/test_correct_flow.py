@@ -221,3 +221,39 @@ def test_a_server_that_does_not_answer_gives_every_image_a_result(
     assert results[0]["reason"].startswith("prefect: ")
     assert told == results
     assert done(work_log) == []
+
+
+def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_image(
+    image: Callable[[str, str], Path],
+    work_log: Path,
+    plain_environment: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from concurrent.futures import ThreadPoolExecutor
+    from threading import Event
+
+    from flows import correct as module
+    from tasks.step import run as run_plainly
+
+    monkeypatch.setattr(module, "correct_image", fake_chain)
+    monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
+    requests = [Request(image=image(name, name), **plain_environment) for name in ("1", "2", "3")]
+    at_work, stop, told = Event(), Event(), []
+
+    class Interrupting(Silent):
+        def message(self, product: str, step: str, iteration: int, text: str) -> None:
+            if iteration:  # in the middle of double-1 of the first image
+                at_work.set()
+                stop.wait(10)
+
+        def finished(self, product: str, status: str, reason: str | None) -> None:
+            told.append((product, status, reason))
+
+    with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as pool, module.stopping(pool, stop):
+        for request in requests:
+            pool.submit(module.one_result, request, Interrupting(), None, stop, run_plainly)
+        assert at_work.wait(10)
+        raise KeyboardInterrupt
+    assert [(product, status) for product, status, _ in told] == [("1", "failed")]
+    assert told[0][2].startswith("interrupted:")
+    assert done(work_log) == ["read", "double"]  # the step at work ends, the next one does not begin
