@@ -249,11 +249,15 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
         def finished(self, product: str, status: str, reason: str | None) -> None:
             told.append((product, status, reason))
 
-    with pytest.raises(KeyboardInterrupt), ThreadPoolExecutor(1) as pool, module.stopping(pool, stop):
-        for request in requests:
-            pool.submit(module.one_result, request, Interrupting(), None, stop, run_plainly)
-        assert at_work.wait(10)
-        raise KeyboardInterrupt
+    def interrupted_batch() -> None:
+        with ThreadPoolExecutor(1) as pool, module.stopping(pool, stop):
+            for request in requests:
+                pool.submit(module.one_result, request, Interrupting(), None, stop, run_plainly)
+            assert at_work.wait(10)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_batch()
     assert [(product, status) for product, status, _ in told] == [("1", "failed")]
     assert told[0][2].startswith("interrupted:")
     assert done(work_log) == ["read", "double"]  # the step at work ends, the next one does not begin
