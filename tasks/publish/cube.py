@@ -9,14 +9,13 @@ import numpy as np
 from catalog.target import Target
 from catalog.times import now_utc, utc_from_et
 from tasks.publish.planes import cube_arrays
-from tasks.publish.publication import Publication
-from tasks.publish.variables import BY_NAME, COORDINATES, FLAGS, GRID_MAPPING, VARIABLES, cube_faults
+from tasks.publish.publication import NOT_RESAMPLED, SENSOR, Publication
+from tasks.publish.variables import BY_NAME, COORDINATES, DIMENSIONS, FLAGS, GRID_MAPPING, cube_faults, variables_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CONVENTIONS = "CF-1.11"
-DIMENSIONS = ("y", "x")
 ZSTD_LEVEL = 3
 
 
@@ -25,11 +24,13 @@ def cube_dataset(publication: Publication) -> "xr.Dataset":
     import xarray as xr
 
     arrays = cube_arrays(publication)
-    planes = {v.name: (DIMENSIONS, arrays[v.name], _attributes(v.name, publication)) for v in VARIABLES}
-    ny, nx = publication.observation.image.shape
+    variables = variables_of(publication.pixel_space)
+    planes = {v.name: (v.dims, arrays[v.name], _attributes(v.name, publication)) for v in variables}
+    ny, nx = publication.pixels.image.shape
+    frame = "raw" if publication.sensor else "undistorted"
     pixels = {
-        "x": ("x", np.arange(nx, dtype=np.int32), _pixel_attributes("sample", "to the right")),
-        "y": ("y", np.arange(ny, dtype=np.int32), _pixel_attributes("line", "downwards")),
+        "x": ("x", np.arange(nx, dtype=np.int32), _pixel_attributes(f"sample of the {frame} frame", "to the right")),
+        "y": ("y", np.arange(ny, dtype=np.int32), _pixel_attributes(f"line of the {frame} frame", "downwards")),
     }
     coordinates = pixels | {name: planes.pop(name) for name in COORDINATES}
     crs = {GRID_MAPPING: ((), np.int32(0), crs_attributes(publication.target))}
@@ -46,7 +47,7 @@ def write_cube(cube: "xr.Dataset", path: Path) -> None:
 
     compressor = BloscCodec(cname="zstd", clevel=ZSTD_LEVEL, shuffle="shuffle")
     encoding: dict[str, dict[str, Any]] = {
-        name: {"chunks": cube[name].shape, "compressors": [compressor]} for name in BY_NAME
+        name: {"chunks": cube[name].shape, "compressors": [compressor]} for name in BY_NAME if name in cube
     }
     encoding["quality"]["_FillValue"] = None
     cube.to_zarr(path, mode="w-", zarr_format=3, consolidated=False, encoding=encoding)
@@ -61,19 +62,21 @@ def open_cube(path: Path) -> "xr.Dataset":
 
 def _pixel_attributes(name: str, direction: str) -> dict[str, str]:
     return {
-        "long_name": f"{name} of the undistorted frame",
+        "long_name": name,
         "units": "1",
         "comment": f"0-based, integer at the pixel's centre, growing {direction}",
     }
 
 
 def _attributes(name: str, publication: Publication) -> dict[str, Any]:
-    attributes = {**BY_NAME[name].attributes, "grid_mapping": GRID_MAPPING}
+    attributes: dict[str, Any] = dict(BY_NAME[name].attributes)
+    if BY_NAME[name].dims == DIMENSIONS:
+        attributes["grid_mapping"] = GRID_MAPPING
     if name == "quality":
         attributes["flag_masks"] = [int(flag) for flag in FLAGS]
         attributes["flag_meanings"] = " ".join(str(flag.name).lower() for flag in FLAGS)
-    if name.endswith("_uncertainty") and publication.uncertainty.not_included:
-        attributes["not_included"] = " ".join(publication.uncertainty.not_included)
+    if name in ("latitude_uncertainty", "longitude_uncertainty") and publication.uncertainty_not_included:
+        attributes["not_included"] = " ".join(publication.uncertainty_not_included)
     return attributes
 
 
@@ -129,6 +132,8 @@ def global_attributes(publication: Publication) -> dict[str, Any]:
         "target": p.target.name,
         "utc": utc_from_et(p.pose_after.et),
         "et": float(p.pose_after.et),
+        "pixel_space": p.pixel_space,
+        "resampling_kernel": NOT_RESAMPLED if p.pixel_space == SENSOR else p.kernel,
         **{key: json.dumps(value, allow_nan=False) for key, value in nested.items()},
     }
 

@@ -52,7 +52,7 @@ def redraw_overlay(folder: Path) -> Path:
         )
     with open_cube(folder / CUBE) as cube:
         attributes = {key: _loaded(value) for key, value in cube.attrs.items()}
-        image = cube["image"].values
+        image = cube["resampled_image" if "resampled_image" in cube else "image"].values
     camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
     target = Target.model_validate(attributes["target_model"])
     before, after = (Pose.from_dict(attributes[key]) for key in ("pose_before", "pose_after"))

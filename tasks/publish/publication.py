@@ -3,11 +3,30 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from catalog.camera import Camera
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.uncertainty import PoseUncertainty
+
+SENSOR, RESAMPLED = "sensor", "resampled"
+NOT_RESAMPLED = "none"
+
+
+@dataclass(frozen=True)
+class SensorFrame:
+    """The frame as the detector has it, for photometry: observation, its unresampled pixels (ny, nx); xy_px
+    (ny, nx, 2), the place of each pixel's centre in the undistorted frame, NaN where the model knows none."""
+
+    observation: Observation
+    xy_px: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        if self.xy_px.shape != (*self.observation.image.shape, 2):
+            raise ValueError(f"places {self.xy_px.shape} for pixels {self.observation.image.shape}")
 
 
 @dataclass(frozen=True)
@@ -19,6 +38,10 @@ class Publication:
     `--json` prints (its `cube` and `overlay` are replaced by names relative to the folder). settings: the resolved
     configuration, defaults included. provenance: hashes of image, label, kernels and map, code version, sources of the
     initial pose. result, settings and provenance are plain JSON values.
+
+    sensor: when given, the cube holds these pixels instead of the observation's. kernel: with which the observation was
+    resampled. distortion_uncertainty_px: 1-sigma of each coordinate of the places in the undistorted frame, of the
+    observation's shape; None or 0 where nobody knows it.
     """
 
     product: str
@@ -31,6 +54,9 @@ class Publication:
     result: dict[str, Any] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
+    sensor: SensorFrame | None = None
+    kernel: str = NOT_RESAMPLED
+    distortion_uncertainty_px: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
         if not self.product or self.product.startswith(".") or set(self.product) & set("/\\\0"):
@@ -40,3 +66,23 @@ class Publication:
                 f"the observation is {self.observation.image.shape} (ny, nx), "
                 f"the undistorted frame of {self.camera.name} {self.camera.size_px} (nx, ny)"
             )
+        place = self.distortion_uncertainty_px
+        if place is not None and place.shape != self.observation.image.shape:
+            raise ValueError(f"the distortion's uncertainty is {place.shape}, not {self.observation.image.shape}")
+
+    @property
+    def pixels(self) -> Observation:
+        """The pixels that the cube holds."""
+        return self.sensor.observation if self.sensor else self.observation
+
+    @property
+    def pixel_space(self) -> str:
+        """`sensor` for unresampled pixels of the raw frame, `resampled` for those of the undistorted frame."""
+        return SENSOR if self.sensor else RESAMPLED
+
+    @property
+    def uncertainty_not_included(self) -> tuple[str, ...]:
+        """Names of what the uncertainties of latitude and longitude leave out, because nobody knows it."""
+        place = self.distortion_uncertainty_px
+        distortion_known = place is not None and bool((place > 0).any())
+        return self.uncertainty.not_included + (() if distortion_known else ("distortion",))

@@ -4,12 +4,17 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from catalog.observation import Observation
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish.product import CUBE, OVERLAY, write_product
-from tasks.publish.publication import Publication
+from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
-from tasks.stored import camera_of, load_observation, pose_in, target_of
+from tasks.stored import camera_of, load_arrays, load_observation, pose_in, target_of
 from tasks.summary import summary
+from tasks.undistort.model import Identity
+from tasks.undistort.step import DISTORTION
 from tasks.work import Work
 
 CORRECTIONS = ("point", "range", "attitude")
@@ -44,9 +49,23 @@ def run(work: Work) -> dict[str, Any]:
         result={**work.places["result"], **corrected, **limb_of(records["validate"])},
         settings=dict(work.inputs["profile"]),
         provenance=provenance(work, records, corrections),
+        **distortion_of(work, records["undistort"]),
     )
     write_product(publication, work.folder)
     return {"correction": corrected, "cube": CUBE, "overlay": OVERLAY}
+
+
+def distortion_of(work: Work, undistort: Record) -> dict[str, Any]:
+    """What the step `undistort` left beside the undistorted frame, in the publication's words."""
+    beside = load_arrays(work.place("undistort") / DISTORTION)
+    nothing_moved = undistort.result["model"] == Identity.name
+    kernel = NOT_RESAMPLED if nothing_moved else undistort.result["evidence"]["kernel"]
+    found = {"distortion_uncertainty_px": beside["uncertainty_px"], "kernel": kernel}
+    if "sensor_image" not in beside:
+        return found
+    observation = Observation(*(beside[f"sensor_{name}"] for name in ("image", "noise", "quality")))
+    places = np.stack([beside["sensor_x_px"], beside["sensor_y_px"]], axis=-1)
+    return found | {"sensor": SensorFrame(observation, places)}
 
 
 def limb_of(validate: Record) -> dict[str, Any]:

@@ -7,19 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
+from tasks.publish.publication import SENSOR
 
 if TYPE_CHECKING:
     import xarray as xr
 
 GRID_MAPPING = "crs"
 COORDINATES = ("latitude", "longitude")
+DIMENSIONS = ("y", "x")
 
 
 @dataclass(frozen=True)
 class Variable:
-    """One plane (y, x) of the cube. valid_range: inclusive, None where any finite value is sensible. standard_name: of
-    CF, empty where CF has none. on_body: NaN exactly where the pixel does not see the body; may_be_unknown: or NaN
-    everywhere."""
+    """One plane of the cube. valid_range: inclusive, None where any finite value is sensible. standard_name: of CF,
+    empty where CF has none. on_body: NaN exactly where the pixel does not see the body; may_be_unknown: or NaN
+    everywhere. dims: other than the cube's own for a plane with pixels of its own."""
 
     name: str
     dtype: str
@@ -31,6 +33,7 @@ class Variable:
     may_be_unknown: bool = False
     comment: str = ""
     ancillary: str = ""
+    dims: tuple[str, str] = DIMENSIONS
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -50,8 +53,9 @@ FLAGS = tuple(Quality)
 
 VARIABLES = (
     Variable(
-        "image", "float32", "1", "undistorted image", on_body=False, ancillary="quality",
-        comment="in the unit of the source file (DN, or what it was calibrated to)",
+        "image", "float32", "1", "image", on_body=False, ancillary="quality",
+        comment="in the unit of the source file (DN, or what it was calibrated to); the attribute pixel_space of the "
+        "cube says whether its pixels were resampled into the undistorted frame or are those of the detector",
     ),
     Variable(
         "latitude", "float32", "degrees_north", "planetocentric latitude", "latitude", (-90.0, 90.0),
@@ -73,24 +77,47 @@ VARIABLES = (
     Variable("range_km", "float32", "km", "distance from the spacecraft to the surface point", "", (0.0, 1e11)),
     Variable(
         "resolution_km", "float32", "km", "longer side of the pixel's footprint", "", (0.0, 1e11),
-        comment="range / focal length in pixels / cos(emission)",
+        comment="range / focal length in pixels of the cube / cos(emission)",
     ),
     Variable(
-        "latitude_uncertainty", "float32", "degree", "1-sigma of the latitude from the pose's uncertainty",
+        "latitude_uncertainty", "float32", "degree",
+        "1-sigma of the latitude from the uncertainties of pose and distortion",
         "latitude standard_error", (0.0, 90.0), may_be_unknown=True,
     ),
     Variable(
-        "longitude_uncertainty", "float32", "degree", "1-sigma of the longitude from the pose's uncertainty",
+        "longitude_uncertainty", "float32", "degree",
+        "1-sigma of the longitude from the uncertainties of pose and distortion",
         "longitude standard_error", (0.0, 180.0), may_be_unknown=True,
+    ),
+    Variable(
+        "distortion_uncertainty", "float32", "1",
+        "1-sigma of each coordinate of the pixel's place in the undistorted frame, in undistorted pixels", "",
+        (0.0, 1e4), on_body=False, may_be_unknown=True, comment="0 when the distortion model claims no error",
     ),
     Variable("quality", "uint16", "1", "quality of the pixel", "quality_flag", on_body=False),
 )  # fmt: skip
 
-BY_NAME = {variable.name: variable for variable in VARIABLES}
+SENSOR_VARIABLES = (
+    Variable("place_x", "float32", "1", "x of the pixel's centre in the undistorted frame", on_body=False),
+    Variable("place_y", "float32", "1", "y of the pixel's centre in the undistorted frame", on_body=False),
+    Variable(
+        "resampled_image", "float32", "1", "image resampled into the undistorted frame", on_body=False,
+        comment="the frame in which the pose was found; its own pixels, not those of the other variables",
+        dims=("y_resampled", "x_resampled"),
+    ),
+)  # fmt: skip
+
+BY_NAME = {variable.name: variable for variable in VARIABLES + SENSOR_VARIABLES}
+
+
+def variables_of(pixel_space: str) -> tuple[Variable, ...]:
+    """What a cube in this pixel space holds."""
+    return VARIABLES + SENSOR_VARIABLES if pixel_space == SENSOR else VARIABLES
+
 
 REQUIRED_ATTRIBUTES = (
     "Conventions", "title", "source", "history", "product", "camera", "target", "utc",
-    "pose_before", "pose_after", "uncertainty", "settings", "provenance",
+    "pose_before", "pose_after", "uncertainty", "settings", "provenance", "pixel_space", "resampling_kernel",
 )  # fmt: skip
 
 
@@ -99,19 +126,20 @@ def cube_faults(cube: "xr.Dataset") -> list[str]:
     faults = [f"attribute {name} is missing" for name in REQUIRED_ATTRIBUTES if name not in cube.attrs]
     if GRID_MAPPING not in cube.variables:
         faults.append(f"variable {GRID_MAPPING} is missing")
-    missing = [variable.name for variable in VARIABLES if variable.name not in cube.variables]
+    variables = variables_of(cube.attrs.get("pixel_space", ""))
+    missing = [variable.name for variable in variables if variable.name not in cube.variables]
     faults += [f"variable {name} is missing" for name in missing]
     if missing:
         return faults
     on_body = (cube["quality"].values & Quality.OFF_BODY) == 0
-    for variable in VARIABLES:
+    for variable in variables:
         faults += [f"{variable.name}: {fault}" for fault in _faults(variable, cube[variable.name], on_body)]
     return faults
 
 
 def _faults(variable: Variable, array: "xr.DataArray", on_body: NDArray[np.bool_]) -> list[str]:
-    if array.dims != ("y", "x") or array.shape != on_body.shape:
-        return [f"dimensions {array.dims} of {array.shape}, expected ('y', 'x') of {on_body.shape}"]
+    if array.dims != variable.dims or (variable.dims == DIMENSIONS and array.shape != on_body.shape):
+        return [f"dimensions {array.dims} of {array.shape}, expected {variable.dims} of {on_body.shape}"]
     if array.dtype != variable.dtype:
         return [f"type {array.dtype}, expected {variable.dtype}"]
     expected = variable.attributes.items()

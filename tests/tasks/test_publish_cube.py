@@ -165,10 +165,29 @@ def test_uncertainties_are_stored_to_three_digits_and_say_what_they_leave_out():
     assert np.abs(rounded[:4] / values[:4] - 1).max() < 5e-4
     assert np.isnan(rounded[4])
     partly = cube_dataset(publication_of(uncertainty=PoseUncertainty.from_sigmas({"offset_px": [0.1, 0.1]})))
-    assert partly["latitude_uncertainty"].attrs["not_included"] == "range_factor attitude_deg"
+    assert partly["latitude_uncertainty"].attrs["not_included"] == "range_factor attitude_deg distortion"
     assert 0 < np.nanmin(partly["latitude_uncertainty"].values) < 1
     unknown = cube_dataset(publication_of(uncertainty=PoseUncertainty.from_sigmas({})))
     assert np.isnan(unknown["latitude_uncertainty"].values).all()
+
+
+def test_the_distortions_uncertainty_is_merged_and_has_its_own_plane(publication, cube):
+    """Where the pose knows nothing but an offset of 0.3 px in x and y, 0.4 px of distortion make it 0.5 px."""
+    offset = PoseUncertainty.from_sigmas({"offset_px": [0.3, 0.3], "range_factor": 0, "attitude_deg": [0, 0, 0]})
+    place = np.full(CAMERA.size_px[::-1], 0.4, np.float32)
+    without, merged = (
+        cube_dataset(publication_of(uncertainty=offset, distortion_uncertainty_px=p)) for p in (place * 0, place)
+    )
+    inside = ~np.isnan(cube["emission"].values) & (cube["emission"].values < 60)
+    for name in ("latitude_uncertainty", "longitude_uncertainty"):
+        ratio = merged[name].values[inside] / without[name].values[inside]
+        assert np.abs(ratio * 0.3 / 0.5 - 1).max() < 2e-3, name
+        assert "not_included" not in merged[name].attrs
+        assert without[name].attrs["not_included"] == "distortion"
+    assert np.allclose(merged["distortion_uncertainty"], 0.4, rtol=1e-3)
+    assert np.isnan(cube["distortion_uncertainty"]).all()
+    with pytest.raises(ValueError, match="distortion's uncertainty is"):
+        publication_of(distortion_uncertainty_px=place[1:])
 
 
 def spoiled(cube, name, change):
