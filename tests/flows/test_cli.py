@@ -18,6 +18,7 @@ from flows.progress import Silent
 from flows.request import Request
 from flows.result import EMPTY
 from flows.run import run_requests
+from flows.server import ServerFiles, stop_server
 
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 PLANETPOSE = [sys.executable, "-c", "from flows.cli import main; main()"]
@@ -245,27 +246,31 @@ def test_wrong_usage_ends_with_2_and_an_empty_stdout(tmp_path: Path, arguments: 
     assert done.stderr
 
 
-def test_four_commands_at_once_share_one_server(here: Path, server_state: Path) -> None:
+def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: Path) -> None:
+    """The same image, cache and store: they also meet at every key and at the product."""
+    state = here / "state"
     started = time.monotonic()
-    results = run_at_once(here, server_state, 4)
-    print(f"four commands at once, warm server: {time.monotonic() - started:.1f} s")
+    try:
+        processes = [
+            subprocess.Popen(
+                [*PLANETPOSE, "correct", *ARGUMENTS, "--json", "-q"],
+                cwd=here,
+                env=environment(state, here / "cache"),
+                stdout=subprocess.PIPE,
+                text=True,
+            )
+            for _ in range(4)
+        ]
+        results = [json.loads(process.communicate(timeout=240)[0]) for process in processes]
+        servers = (state / "server" / "server.log").read_text().count("dashboard is disabled")
+    finally:
+        stop_server(ServerFiles(state / "server"))
+    print(f"four commands at once, no server and no database before: {time.monotonic() - started:.1f} s")
+    assert [process.returncode for process in processes] == [0] * 4
     assert [result["status"] for result in results] == ["ok"] * 4
     assert len({json.dumps(result["pose"]) for result in results}) == 1
-
-
-def run_at_once(folder: Path, state: Path, count: int) -> list[dict[str, Any]]:
-    """`count` commands for the same image, each with its own cache and store; their results."""
-    processes = [
-        subprocess.Popen(
-            [*PLANETPOSE, "correct", *ARGUMENTS, "--json", "-q", "--store", f"out{number}"],
-            cwd=folder,
-            env=environment(state, folder / f"cache{number}"),
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        for number in range(count)
-    ]
-    return [json.loads(process.communicate(timeout=240)[0]) for process in processes]
+    assert servers == 1
+    assert [path.name for path in (here / "out").iterdir()] == ["small"]  # no temporary is left
 
 
 def test_lists_of_cameras_targets_and_profiles(tmp_path: Path) -> None:
