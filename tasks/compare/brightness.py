@@ -58,11 +58,16 @@ def robust_least_squares(
     return solution, inverse * chi_square, chi_square
 
 
-def correlation(a: NDArray, b: NDArray, usable: NDArray[np.bool_]) -> float:
-    """Pearson correlation over usable pixels; 0 when one of them is constant."""
-    x, y = a[usable].astype(np.float64), b[usable].astype(np.float64)
+def correlation(image: NDArray, model: NDArray, usable: NDArray[np.bool_]) -> float:
+    """Pearson correlation over usable pixels; 0 when one of them is constant.
+
+    The image's values are held within the model's whole span of its range: a few cosmic rays would else decide.
+    """
+    x, y = image[usable].astype(np.float64), model[usable].astype(np.float64)
     if x.size < 2:
         return 0.0
+    span = np.ptp(y)
+    x = np.clip(x, y.min() - span, y.max() + span)
     x, y = x - x.mean(), y - y.mean()
     norm = float(np.sqrt((x @ x) * (y @ y)))
     return float(x @ y) / norm if norm > 0 else 0.0

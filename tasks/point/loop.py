@@ -21,6 +21,8 @@ from tasks.simulate.window import disk_radius_px
 Progress = Callable[[str, int, str], None]
 RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
+SMALLEST_PLATEAU_PX = 100
+
 
 class PointSettings(BaseModel):
     """coarse: search the whole frame first. diameter_px: larger disks are settled at reduced resolution.
@@ -56,15 +58,33 @@ def refuse_without_limb(pose: Pose, scene: Scene) -> None:
         )
 
 
+def refuse_saturated(observation: Observation) -> None:
+    """Raise RefusedError when most of what is bright has one and the same value: a disk clipped to a white plate, which
+    nobody flagged, would be fitted with a wrong size."""
+    values = observation.image[observation.usable]
+    if values.size == 0:
+        return
+    low, high = np.percentile(values, 1), values.max()
+    bright = np.count_nonzero(values > (low + high) / 2)
+    plateau = np.count_nonzero(values > high - 1e-4 * (high - low))
+    if plateau > max(SMALLEST_PLATEAU_PX, bright / 2):
+        raise RefusedError(
+            "saturated",
+            f"the disk is saturated: {plateau} of its {bright} bright pixels have the value {high:g}.",
+            "Choose a shorter exposure; where only a part is saturated, give the camera's saturation_dn.",
+        )
+
+
 def find_pointing(
     observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None = None
 ) -> Correction:
     """Correct the camera's pointing; the target's range and attitude stay.
 
-    Raises RefusedError when no limb can be in the frame or the target is not found, FailedError when the loop does not
-    settle within `max_iterations` (the message carries the history).
+    Raises RefusedError when no limb can be in the frame, the disk is saturated or not found, FailedError when the loop
+    does not settle within `max_iterations` (the message carries the history).
     """
     refuse_without_limb(pose, scene)
+    refuse_saturated(observation)
     evidence: dict[str, Any] = {}
     start = pose
     if settings.coarse:
