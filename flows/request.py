@@ -42,8 +42,8 @@ class Request(BaseModel):
 
     @property
     def product(self) -> str:
-        """Name of the product: the file's, without its suffix."""
-        return self.image.stem
+        """Name of the product: the file's, without its suffix, and not hidden."""
+        return self.image.stem.lstrip(".") or "image"
 
     @property
     def product_folder(self) -> Path:

@@ -29,7 +29,12 @@ def run(work: Work) -> dict[str, Any]:
     if settings.space == "sensor":
         sensor = undistort(frame.observation, camera, settings, frame.undistorted).observation
         places = undistorted_places(undistorted.model)
-        beside |= {"sensor_image": sensor.image, "sensor_noise": sensor.noise, "sensor_quality": sensor.quality}
+        # The file's own values, also where marks were filled: quality says which those are.
+        beside |= {
+            "sensor_image": frame.observation.image,
+            "sensor_noise": sensor.noise,
+            "sensor_quality": sensor.quality,
+        }
         beside |= {"sensor_x_px": places[..., 0], "sensor_y_px": places[..., 1]}
     save_arrays(work.folder / DISTORTION, **beside)
     evidence = undistorted.evidence | {"space": settings.space}

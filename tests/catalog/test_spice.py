@@ -97,7 +97,7 @@ def test_without_kernels_nothing_is_known_and_nothing_raises() -> None:
 
 
 @real
-def test_the_whole_data_folder_loads_in_a_fraction_of_a_second(data_folder: Path) -> None:
+def test_the_whole_data_folder_is_furnished_and_cleared(data_folder: Path) -> None:
     import time
 
     start = time.perf_counter()
@@ -105,7 +105,8 @@ def test_the_whole_data_folder_loads_in_a_fraction_of_a_second(data_folder: Path
         count = len(kernels)
     seconds = time.perf_counter() - start
     print(f"{count} kernels furnished and cleared in {seconds:.2f} s")
-    assert seconds < 2.0
+    assert count > 40
+    assert spiceypy.ktotal("ALL") == 0
 
 
 @real
