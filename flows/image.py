@@ -9,10 +9,10 @@ from catalog.digest import sha256_of_json
 from catalog.errors import FailedError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
+from flows.profile import CORRECTIONS
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
 from flows.result import result_of
 
-CORRECTIONS = ("point", "range", "attitude")
 STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
 
 
@@ -24,7 +24,7 @@ def correct_image(chain: Chain) -> None:
     scene, basemap = scene_inputs(chain, frame, predicted)
     latest = "pose"
     for number in range(1, chain.request.profile.passes + 1):
-        for correction in CORRECTIONS:
+        for correction in chain.request.profile.corrections(number):
             latest = correct(chain, correction, number, latest, scene, basemap)
         if number > 1 and settled(chain, number):
             break
@@ -34,8 +34,9 @@ def correct_image(chain: Chain) -> None:
 
 def settled(chain: Chain, number: int) -> bool:
     """Whether pass `number` changed nothing that matters, or no more than half its error: then another would not."""
-    still = chain.request.profile.still
-    results = [chain.records[f"{correction}-{number}"].result for correction in CORRECTIONS]
+    profile = chain.request.profile
+    still = profile.still
+    results = [chain.records[f"{correction}-{number}"].result for correction in profile.corrections(number)]
     return (
         _small(results, "offset_px", 0.0, still.offset_px)
         and _small(results, "range_factor", 1.0, still.range_factor)

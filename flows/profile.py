@@ -3,7 +3,7 @@
 import tomllib
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -17,6 +17,8 @@ from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
 DEFAULT_PROFILE = "standard"
+CorrectionName = Literal["point", "range", "attitude"]
+CORRECTIONS: tuple[CorrectionName, ...] = ("point", "range", "attitude")
 
 
 class AcceptSettings(BaseModel):
@@ -38,9 +40,11 @@ class StillSettings(BaseModel):
 
 
 class LaterPasses(BaseModel):
-    """Settings of the corrections from the second pass on; None keeps those of the first."""
+    """The second pass and those after it. steps: their corrections, in this order. point, range, attitude: settings;
+    None keeps those of the first pass."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+    steps: tuple[CorrectionName, ...] = Field(CORRECTIONS, min_length=1)
     point: PointSettings | None = None
     range: RangeSettings | None = None
     attitude: AttitudeSettings | None = None
@@ -65,6 +69,10 @@ class Profile(BaseModel):
     def resolved(self) -> dict[str, Any]:
         """Every setting with its value, defaults included, as plain JSON."""
         return self.model_dump(mode="json", by_alias=True)
+
+    def corrections(self, number: int) -> tuple[CorrectionName, ...]:
+        """The corrections of pass `number`, in the order of doing."""
+        return CORRECTIONS if number == 1 else self.later.steps
 
     def settings_of(self, step: str, number: int = 1) -> dict[str, Any]:
         """Settings of one step in pass `number` as plain JSON."""

@@ -26,7 +26,8 @@ Progress = Callable[[str, int, str], None]
 class ScanSettings(BaseModel):
     """low, high, step: the paper's scan of 0.99-1.01; it is widened by `widen` at a time, at most to `limit` from 1,
     while the best factor is at an edge. refine_step: spacing of the three fresh renders that the parabola goes through.
-    diameter_px: larger disks are compared at reduced resolution."""
+    diameter_px: larger disks are compared at reduced resolution. must_settle: false leaves the range as it is when the
+    similarity has no maximum, for a later pass to find by other means; else that is a failure."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     low: float = Field(0.99, gt=0)
@@ -37,6 +38,11 @@ class ScanSettings(BaseModel):
     refine_step: float = Field(0.0015, gt=0)
     max_refinements: int = Field(6, ge=1)
     diameter_px: float = Field(300.0, gt=0)
+    must_settle: bool = True
+
+
+class NoMaximumError(FailedError):
+    """The similarity has no maximum where it was looked for."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +63,24 @@ def find_range_by_similarity(
     would pay for it in range. The coarse scan scales one rendered image (a change of distance of per cents is a change
     of scale to 1e-5); the optimum is then refined on fresh renders.
 
-    Raises FailedError when the similarity has no maximum within the limit.
+    Raises FailedError when the similarity has no maximum within the limit; unless it need not settle: then the pose
+    comes back unchanged, not converged, with the reason in the evidence.
     """
+    try:
+        return found_range(observation, pose, scene, settings, progress)
+    except NoMaximumError as error:
+        if settings.must_settle:
+            raise
+        if progress:
+            progress("range", 1, f"left as it is: {error.fault}")
+        evidence = {"method": "ssim", "undetermined": error.fault}
+        return Correction("range", pose, {"range_factor": None}, {"range_factor": None}, evidence, converged=False)
+
+
+def found_range(
+    observation: Observation, pose: Pose, scene: Scene, settings: ScanSettings, progress: Progress | None
+) -> Correction:
+    """Scan, then refine. Raises NoMaximumError."""
     camera = scene.camera
     n = reduction_for(pose, scene, settings.diameter_px)
     observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
@@ -102,7 +124,7 @@ def scan(match: Match, settings: ScanSettings) -> tuple[list[Trial], bool]:
         widened = True
         low_side = best == 0
         if abs((low if low_side else high) - 1) >= settings.limit - 1e-9:
-            raise FailedError(
+            raise NoMaximumError(
                 "range-out-of-bounds",
                 f"the similarity still grows at range factor {trials[best].factor:.4f}, the limit of the scan.",
                 "Check the range and the target's radii, or widen the profile's range.limit.",
@@ -177,7 +199,11 @@ def refine(
             break
         middle += -1 if left.similarity > right.similarity else 1
     else:
-        raise FailedError("range-unsettled", "the similarity has no clear maximum near its best scanned factor.")
+        raise NoMaximumError(
+            "range-unsettled",
+            f"the similarity has no clear maximum near its best scanned factor {start.factor:.4f}.",
+            "Check Sun direction and base map, or take the range from the limb (range.method of the profile).",
+        )
     curvature = left.similarity - 2 * here.similarity + right.similarity
     lean = 0.0 if curvature >= 0 else 0.5 * (left.similarity - right.similarity) / curvature
     other = right if lean > 0 else left
