@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 @dataclass(frozen=True)
 class Flow:
     """displacement: (ny, nx, 2) px, (x, y), from simulation to image. correlation: (ny, nx) of the best match, -1..1.
-    valid: (ny, nx) where the template has texture, lies on usable pixels, and its best match is inside the search."""
+    places: (ny, nx) where the template has texture and the search box lies on usable pixels. valid: those of them whose
+    best match is inside the search."""
 
     displacement: NDArray[np.float32]
     correlation: NDArray[np.float32]
+    places: NDArray[np.bool_]
     valid: NDArray[np.bool_]
 
 
@@ -51,7 +53,8 @@ def optical_flow(
     displacement, correlation, inside = peaks(scores, reach)
     clear = box_mean(usable.astype(np.float32), search_px) > 1 - 1e-4
     textured = np.sqrt(var_t) * scale > max(min_texture, 1e-6 * scale)
-    return Flow(displacement, correlation, inside & clear & textured & away_from_edge(t.shape, search_px))
+    places = clear & textured & away_from_edge(t.shape, search_px)
+    return Flow(displacement, correlation, places, places & inside)
 
 
 def box_mean(a: NDArray[np.float32], side: int) -> NDArray[np.float32]:

@@ -31,14 +31,17 @@ OVERSAMPLE = 2
 
 class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
-    attitude undetermined. max_deg: a larger turn is not believed. min_lit: weakest simulated shading, relative to the
-    brightest, at which markings are compared."""
+    attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
+    match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
+    larger turn is not believed. min_lit: weakest simulated shading, relative to the brightest, at which markings are
+    compared."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
     search_px: int = Field(21, ge=5)
     min_correlation: float = Field(0.5, ge=-1, le=1)
     min_vectors: int = Field(200, ge=3)
+    min_share: float = Field(0.25, ge=0, le=1)
     min_lit: float = Field(0.15, ge=0, lt=1)
     max_deg: float = Field(5.0, gt=0)
 
@@ -74,12 +77,9 @@ def find_attitude(
             before = likeness(match)
         turn = one_turn(match, settings)
         turns.append({"reduction": reduction, **turn.evidence})
-        if turn.vector_deg is None:
-            continue
         turned = turn.pose
         if progress:
-            size = float(np.linalg.norm(turn.vector_deg))
-            progress("attitude", iteration, f"{turn.evidence['vectors']} flow vectors, turn of {size:.3f} deg")
+            progress("attitude", iteration, told(turn))
     after = likeness(match_scene(*quick, turned))
     evidence: dict[str, Any] = {"turns": turns, "correlation_before": before, "correlation_after": after}
     # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
@@ -98,16 +98,26 @@ def find_attitude(
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence)
 
 
+def told(turn: Turn) -> str:
+    """The estimate for the progress display."""
+    if turn.vector_deg is None:
+        return f"no turn: {turn.evidence['reason']}"
+    return f"{turn.evidence['vectors']} flow vectors, turn of {float(np.linalg.norm(turn.vector_deg)):.3f} deg"
+
+
 def one_turn(match: Match, settings: AttitudeSettings) -> Turn:
     """Flow on the shading-free images, vectors carried to the body, robust Kabsch."""
     pose, scene = match.pose, match.scene
     image, texture, comparable = without_shading(match, settings.min_lit)
     flow = optical_flow(image, texture, comparable, settings.template_px, settings.search_px)
     good = flow.valid & (flow.correlation >= settings.min_correlation)
-    count = int(good.sum())
-    evidence: dict[str, Any] = {"vectors": count}
+    count, places = int(good.sum()), int(flow.places.sum())
+    evidence: dict[str, Any] = {"vectors": count, "share": round(count / max(places, 1), 4)}
     if count < settings.min_vectors:
         return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
+    if count < settings.min_share * places:
+        reason = f"the map's markings match at only {count / places:.0%} of the places compared"
+        return Turn(pose, None, None, evidence | {"reason": reason})
     y, x = np.nonzero(good)
     here = np.stack([x, y], axis=-1) + np.asarray(match.origin)
     there = here + flow.displacement[good]
