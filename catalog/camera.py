@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from catalog.errors import RefusedError
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
+CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
 
 
 class Distortion(BaseModel):
@@ -132,14 +133,18 @@ def read_camera_file(path: Path) -> Camera:
     try:
         content = tomllib.loads(Path(path).read_text())
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RefusedError("camera-file-unreadable", f"camera file {path} cannot be read: {error}.") from error
+        raise RefusedError(
+            "camera-file-unreadable",
+            f"camera file {path} cannot be read: {error}.",
+            f"Give a TOML file, or one of the catalog's names: {', '.join(path.stem for path in CAMERA_FILES)}.",
+        ) from error
     return camera_from_dict(content, str(path))
 
 
 @cache
 def known_cameras() -> dict[str, Camera]:
     """All cameras of the catalog by name."""
-    cameras = (read_camera_file(path) for path in sorted(CAMERA_FOLDER.glob("*.toml")))
+    cameras = (read_camera_file(path) for path in CAMERA_FILES)
     return {camera.name: camera for camera in cameras}
 
 

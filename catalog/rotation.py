@@ -18,7 +18,10 @@ def checked_rotation(matrix: ArrayLike, name: str) -> NDArray[np.float64]:
         raise ValueError(f"{name} holds values that are not finite")
     departure = float(np.abs(m @ m.T - np.eye(3)).max())
     if departure > ORTHONORMAL_TOLERANCE:
-        raise ValueError(f"{name} is not orthonormal: it departs by {departure:.2g}, allowed {ORTHONORMAL_TOLERANCE:g}")
+        raise ValueError(
+            f"{name} is not orthonormal: it departs by {departure:.2g}, allowed {ORTHONORMAL_TOLERANCE:g} "
+            "(write more digits, or take the nearest rotation: U V^T of its singular value decomposition)"
+        )
     if np.linalg.det(m) < 0:
         raise ValueError(f"{name} is left-handed (determinant -1): check the order and sign of its axes")
     m.setflags(write=False)

@@ -105,7 +105,11 @@ def read_profile(path: Path) -> Profile:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
         return Profile.model_validate({"name": path.stem, **content})
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RefusedError("profile-unreadable", f"profile {path} cannot be read: {error}.") from error
+        raise RefusedError(
+            "profile-unreadable",
+            f"profile {path} cannot be read: {error}.",
+            f"Give a TOML file, or one of {', '.join(known_profiles())}.",
+        ) from error
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
         raise RefusedError(

@@ -1,5 +1,6 @@
 """From a reader's result to the Frame: camera and target named, bad pixels flagged, noise known, size checked."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from catalog.readers.noise import completed_noise, measured_noise, modelled_nois
 from catalog.readers.reading import Reading
 
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
+BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
 
 def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, target_name: str | None) -> Frame:
@@ -25,6 +27,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     same_target = target_name is None or target == reading.target
     if camera is not None:
         _check_size(path, reading, camera)
+        reading = _in_its_units(reading, camera)
     return Frame(
         product=path.stem,
         path=path,
@@ -61,6 +64,16 @@ def _check_size(path: Path, reading: Reading, camera: Camera) -> None:
             f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
             "Give a full, unbinned frame; a summed or cut mode is a camera of its own: give its --camera FILE.toml.",
         )
+
+
+def _in_its_units(reading: Reading, camera: Camera) -> Reading:
+    """The reading; not taken for the camera's data numbers where whole numbers exceed what the camera can give, as in
+    a 16-bit picture of an 8-bit camera."""
+    whole_numbers = reading.image.dtype.kind in "iu"
+    if not (reading.raw_dn and whole_numbers) or camera.saturation_dn is None or reading.image.size == 0:
+        return reading
+    beyond = float(reading.image.max()) > BIAS_ALLOWANCE * camera.saturation_dn
+    return replace(reading, raw_dn=False) if beyond else reading
 
 
 def _undistorted(reading: Reading, camera: Camera | None) -> bool:

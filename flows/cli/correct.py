@@ -27,7 +27,9 @@ def correct(
     target: Annotated[Text, typer.Option(help="Target name; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
     map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body.")] = None,
-    map_left_edge_deg: Annotated[float, typer.Option(help="East longitude of the map's left edge.")] = 0.0,
+    map_left_edge_deg: Annotated[
+        float, typer.Option(min=-360, max=360, help="East longitude of the map's left edge.")
+    ] = 0.0,
     kernels: Annotated[
         list[Path] | None, typer.Option(help="SPICE kernel, meta-kernel or folder; repeat for more.")
     ] = None,

@@ -49,7 +49,8 @@ def initial_pose(
         raise RefusedError(
             "pose-unknown",
             f"{frame.product}: the label gives no time.",
-            "Give a pose file (--pose) with utc or et of mid-exposure.",
+            "Give a pose file (--pose) with utc or et of mid-exposure, "
+            f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
         )
     from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
     spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, from_label))
@@ -123,7 +124,7 @@ def _unknown(
     frame: Frame, camera: Camera, unknown: list[str], spice_gaps: tuple[str, ...], label_faults: tuple[str, ...]
 ) -> RefusedError:
     needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
-    label = "; ".join(label_faults) or "the label does not give them"
+    label = "; ".join(label_faults) or f"the label does not give them for {frame.target}"
     return RefusedError(
         "pose-unknown",
         f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",

@@ -259,3 +259,17 @@ def test_a_sky_of_exact_zeros_is_not_missing_but_for_whole_lines() -> None:
     image[:, 50:70] = 0
     image[11] = 0
     assert zero_filled(image).sum() == 100
+
+
+@pytest.mark.parametrize("scale", [1, 100])
+def test_whole_numbers_beyond_the_cameras_saturation_are_not_its_data_numbers(tmp_path: Path, scale: int) -> None:
+    """A 16-bit picture of an 8-bit camera: nothing in it is saturated, and its noise is measured."""
+    pixels = RNG.normal(120, 2, (800, 800)).round().clip(0, 254)
+    pixels[:3] = 255
+    path = tmp_path / "scaled.png"
+    Image.fromarray((pixels * scale).astype(np.uint16)).save(path)
+    observation = read_frame(path, camera="galileo-ssi", target="europa").observation
+    saturated = (observation.quality & Quality.SATURATED) > 0
+    assert saturated.sum() == (3 * 800 if scale == 1 else 0)
+    if scale > 1:
+        assert np.median(observation.noise) == pytest.approx(2 * scale, rel=0.2)

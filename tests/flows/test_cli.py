@@ -235,6 +235,7 @@ def test_bad_options_refuse_the_image_and_say_why(
         ["correct", "a.png", "--no-such-option"],
         ["correct", "a.png", "--profile", "no-such-profile"],
         ["correct", "a.png", "--max-passes", "0"],
+        ["correct", "a.png", "--map-left-edge-deg", "1000"],
         ["no-such-command"],
         ["cache", "clear", "--step", "no-such-step"],
     ],
