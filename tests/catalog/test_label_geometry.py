@@ -66,8 +66,8 @@ def test_centre_pole_and_sub_points_come_back(geometry: dict[str, float], camera
     assert to_spacecraft == pytest.approx(sub_points, abs=1e-9)
     sun = unit_vector(geometry["sub_solar_lat_deg"], geometry["sub_solar_lon_deg"])
     assert pose.sun_direction_in_body == pytest.approx(sun, abs=1e-9)
-    pole = np.array([0, 0, BODY.radii_km[2]])
-    assert angle_between_deg(image_azimuth_deg(pose, camera, pole), geometry["north_azimuth_deg"]) < 0.05
+    northward = np.array([0, 0, 0.01 * BODY.radii_km[2]])  # the pole itself may lie behind a camera this near
+    assert angle_between_deg(image_azimuth_deg(pose, camera, northward), geometry["north_azimuth_deg"]) < 0.05
 
 
 @given(geometries)
