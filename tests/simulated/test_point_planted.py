@@ -26,8 +26,8 @@ from tasks.correction import Correction
 from tasks.point import PointSettings, find_pointing
 from tasks.simulate.plant import planted, pose_error
 
-CAMERA = small_camera(diameter_px=130)
-SCENE = scene_of(CAMERA, oversample=4)
+CAMERA = small_camera(diameter_px=120)
+SCENE = scene_of(CAMERA, oversample=3)
 TRUTH = true_pose(CAMERA)
 PAPERS_OFFSET_PX = (20.32, -30.46)
 BAR_PX = 0.05

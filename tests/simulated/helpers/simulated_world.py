@@ -19,8 +19,8 @@ RANGE_KM = 1.0e6
 BODY_FROM_J2000 = rotation_from_vector_deg([20, 30, 40])
 CAMERA_FROM_J2000 = rotation_from_vector_deg([-15, 65, 25])
 PEAK_DN, SKY_DN, NOISE_DN = 200.0, 6.0, 1.0
-# More sub-pixels than the corrections use: truth and simulation share no sampling.
-TRUTH_OVERSAMPLE = 8
+# A number that the corrections never use: truth and simulation share no sampling.
+TRUTH_OVERSAMPLE = 7
 
 
 def small_camera(diameter_px: float = 160.0, size_px: tuple[int, int] = (224, 208)) -> Camera:
