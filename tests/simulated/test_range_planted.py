@@ -11,7 +11,7 @@ from tasks.range import RangeSettings, find_range
 from tasks.range.similarity_scan import ScanSettings
 from tasks.simulate.plant import planted, pose_error
 
-CAMERA = small_camera(diameter_px=100, size_px=(140, 136)).model_copy(update={"centre_px": (65.3, 71.6)})
+CAMERA = small_camera(diameter_px=120, size_px=(164, 156)).model_copy(update={"centre_px": (77.3, 81.6)})
 TRUTH = true_pose(CAMERA)
 BAR = 5e-4
 OFFSET_PX = (0.6, -0.4)
@@ -32,7 +32,7 @@ def wrong(factor: float, offset_px: tuple[float, float] = (0.0, 0.0)) -> Pose:
     [
         ("lunar-lambert", RangeSettings()),
         ("mixture", RangeSettings(method="limb")),
-        ("lunar-lambert", RangeSettings(ssim=ScanSettings(step=0.002, diameter_px=50))),
+        ("lunar-lambert", RangeSettings(ssim=ScanSettings(step=0.002, diameter_px=60))),
     ],
     ids=["paper's scan", "limb, mixture", "binned 2 x 2"],
 )

@@ -13,12 +13,34 @@ NEAR_PX = 0.7
 
 
 def moved(image: NDArray[np.float32], offset_px: NDArray[np.float64]) -> NDArray[np.float32]:
-    """`image` (ny, nx) displaced by (dx, dy) pixels, cubic, edges replicated."""
+    """`image` (ny, nx) displaced by (dx, dy) pixels, cubic, edges replicated.
+
+    Catmull and Rom's cubic keeps a slope where it is. OpenCV's own (a = -0.75) moves it up to 0.04 px too far or too
+    little, and before its version 5 rounds displacements to 1/32 px.
+    """
     import cv2
 
-    transform = np.array([[1, 0, offset_px[0]], [0, 1, offset_px[1]]], dtype=np.float64)
-    ny, nx = image.shape
-    return cv2.warpAffine(image, transform, (nx, ny), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    whole = np.floor(offset_px).astype(int)
+    if whole.any():
+        ny, nx = image.shape
+        rows, columns = (np.clip(np.arange(n) - shift, 0, n - 1) for n, shift in ((ny, whole[1]), (nx, whole[0])))
+        image = image[rows[:, None], columns]
+    kernel_x, kernel_y = (catmull_rom(float(part)) for part in np.asarray(offset_px) - whole)
+    return cv2.sepFilter2D(image, -1, kernel_x, kernel_y, anchor=(2, 2), borderType=cv2.BORDER_REPLICATE)
+
+
+def catmull_rom(fraction: float) -> NDArray[np.float64]:
+    """Weights (4,) of the values at x - 2, x - 1, x, x + 1 that give the value at x - fraction, 0 <= fraction < 1
+    (Keys 1981, IEEE Trans. Acoust. Speech Signal Process. 29, 1153, with a = -1/2)."""
+    t = 1 - fraction
+    return np.array(
+        [
+            -0.5 * t + t**2 - 0.5 * t**3,
+            1 - 2.5 * t**2 + 1.5 * t**3,
+            0.5 * t + 2 * t**2 - 1.5 * t**3,
+            -0.5 * t**2 + 0.5 * t**3,
+        ]
+    )
 
 
 def register_least_squares(match: Match) -> Shift:
