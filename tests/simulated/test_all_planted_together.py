@@ -7,7 +7,7 @@ from simulated_world import EUROPA, observation_of, scene_of, small_camera, true
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from flows.image import CORRECTIONS, settled
+from flows.image import settled
 from flows.profile import Profile, find_profile
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correcting import plain_correction
@@ -32,7 +32,7 @@ def passes(observation: Observation, pose: Pose, truth: Pose, scene: Scene, prof
     left = [pose_error(pose, truth, CAMERA, EUROPA)]
     chain = SimpleNamespace(request=SimpleNamespace(profile=profile), records={})
     for number in range(1, profile.passes + 1):
-        for name in CORRECTIONS:
+        for name in profile.corrections(number):
             step, model = STEPS[name]
             settings = profile.settings_of(name, number)
             if name == "point" and number > 1:
