@@ -94,7 +94,10 @@ def one_line(result: dict[str, Any]) -> str:
         return f"{result['product']}: {result['status']}: {result['reason']}"
     offset = "unknown" if result["offset_px"] is None else "({:+.2f}, {:+.2f})".format(*result["offset_px"])
     rms = "unknown" if result["limb_rms_px"] is None else f"{result['limb_rms_px']:.2f}"
+    turn = "attitude undetermined"
+    if result["attitude_deg"] is not None:
+        turn = f"turn {sum(part**2 for part in result['attitude_deg']) ** 0.5:.2f} deg"
     return (
         f"{result['product']}: ok: {result['target']} by {result['camera']}, offset {offset} px, "
-        f"range x {result['range_factor']:.5f}, limb rms {rms} px; {result['cube']}"
+        f"range x {result['range_factor']:.5f}, {turn}, limb rms {rms} px; {result['cube']}"
     )

@@ -57,7 +57,7 @@ def find_range_by_limb(
             raise FailedError(
                 "range-out-of-bounds",
                 f"the limb asks for a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
-                "Check the range and the target's radii, or raise the profile's range limit.",
+                "Check range, Sun direction and the target's radii, or raise the profile's range.limb.limit.",
             )
         if moved < max(settings.stop_px, noise_px):
             return _correction(pose, corrected, scene, fit, history)
@@ -65,6 +65,7 @@ def find_range_by_limb(
         "did-not-converge",
         f"range and pointing by the limb did not settle in {settings.max_iterations} iterations; "
         f"growths were {', '.join(f'{step[2]:.5f}' for step in history)}.",
+        "Check range and Sun direction: where they are far off, the lit limb is not where it is looked for.",
     )
 
 
