@@ -30,7 +30,11 @@ def prepare(choice: str) -> None:
     server within this command, slow), or the URL of an API. Raises ServerError when the local one does not start."""
     for name, value in QUIET.items():
         os.environ.setdefault(name, value)
-    os.environ.setdefault("PREFECT_HOME", str(server_files().folder / "prefect"))
+    own_home = server_files().folder / "prefect"
+    if os.environ.setdefault("PREFECT_HOME", str(own_home)) == str(own_home):
+        own_home.mkdir(
+            parents=True, exist_ok=True
+        )  # Prefect makes no parents, and an embedded server then takes 25 s more
     if choice == EMBEDDED:
         os.environ.pop("PREFECT_API_URL", None)
     elif choice == LOCAL:
