@@ -1,92 +1,45 @@
-"""A small made-up world with known truth: one camera, Europa, and images rendered from a true pose."""
-
-from functools import cache
+"""The small world of `tasks.paper.small_world`, under the name by which the tests with planted truth import it."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from catalog.basemap import BaseMap, map_of_target
-from catalog.camera import Camera
 from catalog.observation import Observation, Quality
-from catalog.pose import Pose
-from catalog.rotation import rotation_from_vector_deg
-from catalog.target import find_target
-from tasks.simulate import Scene, SceneSettings
-from tasks.simulate.window import Window
+from tasks.paper.small_world import (
+    BODY_FROM_J2000,
+    CAMERA_FROM_J2000,
+    EUROPA,
+    NOISE_DN,
+    PEAK_DN,
+    RANGE_KM,
+    SKY_DN,
+    TRUTH_OVERSAMPLE,
+    clean_image,
+    europa_map,
+    observation_of,
+    observed,
+    scene_of,
+    small_camera,
+    true_pose,
+)
 
-EUROPA = find_target("europa")
-RANGE_KM = 1.0e6
-BODY_FROM_J2000 = rotation_from_vector_deg([20, 30, 40])
-CAMERA_FROM_J2000 = rotation_from_vector_deg([-15, 65, 25])
-PEAK_DN, SKY_DN, NOISE_DN = 200.0, 6.0, 1.0
-# A number that the corrections never use: truth and simulation share no sampling.
-TRUTH_OVERSAMPLE = 7
-
-
-def small_camera(diameter_px: float = 160.0, size_px: tuple[int, int] = (224, 208)) -> Camera:
-    """Camera through which Europa at RANGE_KM is `diameter_px` wide."""
-    focal_px = diameter_px / 2 * RANGE_KM / EUROPA.mean_radius_km
-    return Camera(name="small", size_px=size_px, centre_px=(109.3, 105.6), focal_length_px=focal_px, psf_sigma_px=0.8)
-
-
-def true_pose(
-    camera: Camera,
-    centre_px: ArrayLike | None = None,
-    range_km: float = RANGE_KM,
-    phase_deg: float = 50.0,
-    sun_azimuth_deg: float = 200.0,
-) -> Pose:
-    """Target centre at `centre_px` (default: middle of the frame); the Sun `phase_deg` from the spacecraft, on the
-    side `sun_azimuth_deg`, from +x towards +y of the image."""
-    middle = (np.array(camera.size_px) - 1) / 2 + (0.37, -0.22)
-    sight = camera.ray(middle if centre_px is None else centre_px)
-    azimuth, phase = np.radians([sun_azimuth_deg, phase_deg])
-    side = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    side -= (side @ sight) * sight
-    sun = -np.cos(phase) * sight + np.sin(phase) * side / np.linalg.norm(side)
-    return Pose(
-        et=0.0,
-        camera_from_j2000=CAMERA_FROM_J2000,
-        target_from_spacecraft_km=CAMERA_FROM_J2000.T @ sight * range_km,
-        sun_from_target_km=CAMERA_FROM_J2000.T @ sun * 7.8e8,
-        body_from_j2000=BODY_FROM_J2000,
-    )
-
-
-@cache
-def europa_map() -> BaseMap:
-    """The catalog's map."""
-    return map_of_target(EUROPA)
-
-
-def scene_of(camera: Camera, photometry: str = "lunar-lambert", basemap: BaseMap | None = None, **settings) -> Scene:
-    """Scene of Europa with the settings that the corrections use."""
-    chosen = SceneSettings.model_validate({"photometry": photometry, **settings})
-    return Scene(camera, EUROPA, basemap or europa_map(), chosen)
-
-
-def clean_image(scene: Scene, pose: Pose) -> NDArray[np.float32]:
-    """Noise-free frame (ny, nx), DN."""
-    finer = Scene(
-        scene.camera, scene.target, scene.basemap, scene.settings.model_copy(update={"oversample": TRUTH_OVERSAMPLE})
-    )
-    window = finer.window(pose)
-    bright = finer.render(pose, window).image()
-    frame = Window(0, 0, *scene.camera.size_px).moved(-window.x0, -window.y0).crop(bright)
-    return SKY_DN + PEAK_DN / np.float32(np.percentile(bright, 99)) * frame
-
-
-def observed(image: NDArray, noise_dn: float = NOISE_DN, seed: int = 1) -> Observation:
-    """`image` (ny, nx) with white noise added."""
-    noisy = image + noise_dn * np.random.default_rng(seed).standard_normal(image.shape)
-    return Observation(
-        noisy.astype(np.float32), np.full(image.shape, noise_dn, np.float32), np.zeros(image.shape, np.uint16)
-    )
-
-
-def observation_of(scene: Scene, pose: Pose, noise_dn: float = NOISE_DN, seed: int = 1) -> Observation:
-    """What the camera of `scene` saw at the true `pose`."""
-    return observed(clean_image(scene, pose), noise_dn, seed)
+__all__ = [
+    "BODY_FROM_J2000",
+    "CAMERA_FROM_J2000",
+    "EUROPA",
+    "NOISE_DN",
+    "PEAK_DN",
+    "RANGE_KM",
+    "SKY_DN",
+    "TRUTH_OVERSAMPLE",
+    "clean_image",
+    "europa_map",
+    "flagged",
+    "observation_of",
+    "observed",
+    "scene_of",
+    "small_camera",
+    "true_pose",
+]
 
 
 def flagged(observation: Observation, where: NDArray[np.bool_], value: float = np.nan) -> Observation:
