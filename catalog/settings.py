@@ -36,3 +36,11 @@ def state_folder() -> Path:
     if configured:
         return Path(configured)
     return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "planetpose"
+
+
+def archive_folder() -> Path:
+    """Folder that `planetpose fetch` fills and image lists look in: PLANETPOSE_ARCHIVE, else the user's data folder."""
+    configured = os.environ.get("PLANETPOSE_ARCHIVE")
+    if configured:
+        return Path(configured)
+    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "planetpose" / "archive"

@@ -1,0 +1,104 @@
+"""What an image list is: rows that say where an image is, what it shows, and what belongs to it."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator
+
+from catalog.lists.location import Location, parse_location
+from catalog.safe_name import safe_product_name
+
+SHA256 = r"^[0-9a-f]{64}$"
+
+
+class ImageEntry(BaseModel):
+    """One image of a list.
+
+    product: name of its folder in a store. image, label: a path (relative to the list's folder), a URL, or
+    `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a camera may be a TOML file); None
+    asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the user's own. pose_file,
+    truth_file: pose files, as paths. utc: middle of the exposure. sha256, label_sha256, bytes: of the files themselves.
+    truth: what a simulation planted, by name. notes: for people.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
+
+    product: str = Field(min_length=1)
+    image: str = Field(min_length=1)
+    label: str | None = None
+    camera: str | None = None
+    target: str | None = None
+    utc: str | None = None
+    exposure_s: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    filter: str | None = None
+    kernels: tuple[str, ...] = ()
+    pose_file: str | None = None
+    truth_file: str | None = None
+    sha256: str | None = Field(default=None, pattern=SHA256)
+    label_sha256: str | None = Field(default=None, pattern=SHA256)
+    bytes: int | None = Field(default=None, gt=0)
+    truth: dict[str, float | int | str | bool | None] = Field(default_factory=dict)
+    notes: str = ""
+
+    @field_validator("product")
+    @classmethod
+    def _is_a_folder_name(cls, name: str) -> str:
+        safe = safe_product_name(name)
+        if safe != name:
+            raise ValueError(f"{name!r} is no name for a folder in a store; {safe!r} would be")
+        return name
+
+    @field_validator("image", "label", "pose_file", "truth_file")
+    @classmethod
+    def _is_a_location(cls, text: str | None) -> str | None:
+        if text is not None:
+            parse_location(text)
+        return text
+
+    @field_validator("kernels")
+    @classmethod
+    def _are_locations(cls, texts: tuple[str, ...]) -> tuple[str, ...]:
+        for text in texts:
+            parse_location(text)
+        return texts
+
+    @field_validator("camera", "target")
+    @classmethod
+    def _is_in_the_catalog(cls, name: str | None, info: Any) -> str | None:
+        from catalog.camera import known_cameras
+
+        if name and info.field_name == "camera" and not name.endswith(".toml") and name.lower() not in known_cameras():
+            raise ValueError(f"camera {name!r} is unknown; known: {', '.join(known_cameras())}, or a FILE.toml")
+        return name
+
+
+class ImageList(BaseModel):
+    """A catalog of images. file: where it was read from; paths of its entries are relative to that file's folder.
+    missing: what could not be found or verified, in words."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str
+    title: str = ""
+    entries: tuple[ImageEntry, ...] = ()
+    sources: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    file: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """Folder that relative paths start from."""
+        return self.file.parent if self.file else Path()
+
+    def located(self, text: str, archive: Path | None = None) -> Path:
+        """Where a location of this list is on this machine: a path as it is, what has to be fetched below `archive`
+        (default: the user's, `catalog.settings.archive_folder`). The file need not exist."""
+        location: Location = parse_location(text)
+        return location.local_path(self.folder, archive)
+
+    def only(self, products: tuple[str, ...]) -> "ImageList":
+        """The list with those entries alone whose product matches one of the shell patterns (`C16*`)."""
+        from fnmatch import fnmatchcase
+
+        chosen = tuple(e for e in self.entries if any(fnmatchcase(e.product, pattern) for pattern in products))
+        return self.model_copy(update={"entries": chosen})
