@@ -1,0 +1,1 @@
+"""The paper's tables and figures beside ours: one module per part, one that writes the report."""

@@ -1,0 +1,15 @@
+"""The parts of the report, in its order. Each is a module of this package with a function of one Context."""
+
+from importlib import import_module
+
+from flows.paper.section import Part
+
+PARTS: dict[str, str] = {
+    "table1": "flows.paper.table1",
+}
+
+
+def part(name: str) -> Part:
+    """The function that makes the part `name`; imported when it is wanted."""
+    found: Part = getattr(import_module(PARTS[name]), name)
+    return found
