@@ -19,7 +19,8 @@ from flows.image import correct_image
 from flows.plan import twins
 from flows.progress import Reporter, Silent
 from flows.request import Request
-from flows.result import result_of
+from flows.result import result_of, tally
+from flows.verdict import PUBLISHED
 from tasks.prefect_task import run_as_task
 from tasks.record import Record
 from tasks.step import Step
@@ -76,8 +77,8 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
             results.append(result)
             listener.on_result(result)
             run_logger.info("%s: %s %s", result["product"], result["status"], result["reason"] or "")
-    bad = [result for result in results if result["status"] != "ok"]
-    summary = f"{len(results) - len(bad)} of {len(results)} images ok"
+    bad = [result for result in results if result["status"] not in PUBLISHED]
+    summary = tally(results)
     return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
 
 

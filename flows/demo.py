@@ -67,7 +67,7 @@ def _row(simulated: SimulatedImage, result: dict[str, Any]) -> DemoRow:
 
     camera, target = find_camera(simulated.entry.camera), find_target(demo().target)
     truth, predicted = (read_pose_file(path).completed() for path in (simulated.truth, simulated.predicted))
-    corrected = Pose.from_dict(result["pose"]) if result["status"] == "ok" else None
+    corrected = Pose.from_dict(result["pose"]) if result["pose"] else None
     return DemoRow(
         simulated=simulated,
         result=result,

@@ -6,12 +6,12 @@ The same lines run the steps, as Prefect tasks or not, and look up what is alrea
 from typing import Any
 
 from catalog.digest import sha256_of_json
-from catalog.errors import FailedError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
 from flows.profile import CORRECTIONS
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
 from flows.result import result_of
+from flows.verdict import believe
 
 STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
 
@@ -28,7 +28,7 @@ def correct_image(chain: Chain) -> None:
             latest = correct(chain, correction, number, latest, scene, basemap)
         if number > 1 and settled(chain, number):
             break
-    believe(chain, validate(chain, latest, scene, basemap))
+    believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
     publish(chain, latest, scene, basemap)
 
 
@@ -154,24 +154,6 @@ def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str
     }
     places = basemap | {"pose": chain.folder(latest), "predicted": chain.folder("pose")}
     return chain.do("validate", "tasks.validate.step", inputs, places)
-
-
-def believe(chain: Chain, report: dict[str, Any]) -> None:
-    """Raise FailedError when the limb does not bear the corrected pose out."""
-    accept = chain.request.profile.accept
-    rms_px, points = report["limb"]["rms_px"], report["limb"]["points"]
-    if rms_px is None and accept.require_limb:
-        raise FailedError(
-            "limb-not-measured",
-            f"only {points} segments of the lit limb could be measured, so nothing bears the corrected pose out.",
-            "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
-        )
-    if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:
-        raise FailedError(
-            "limb-does-not-fit",
-            f"the corrected limb is {rms_px:.2f} px (RMS) from the image's, allowed {accept.max_limb_rms_px:g} px.",
-            "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
-        )
 
 
 def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> None:

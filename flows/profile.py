@@ -23,11 +23,14 @@ CORRECTIONS: tuple[CorrectionName, ...] = ("point", "range", "attitude")
 
 class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
-    measured is not believed."""
+    measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
+    below the first the pose is not believed, below the second it is doubtful."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
     require_limb: bool = True
+    min_likeness: float = Field(0.6, ge=-1, le=1)
+    sure_likeness: float = Field(0.8, ge=-1, le=1)
 
 
 class StillSettings(BaseModel):

@@ -94,7 +94,7 @@ class Live:
             if product in self._rows:
                 self._progress.remove_task(self._rows.pop(product)[0])
             count = f"{self._done}/{self._total}  " if self._total > 1 else ""
-            colour = {"ok": "green", "refused": "yellow"}.get(status, "red")
+            colour = {"ok": "green", "doubtful": "yellow", "refused": "yellow"}.get(status, "red")
             line = Text.assemble(f"{count}{product}  ", (status, colour), f"  {reason}" if reason else "")
             self._progress.console.print(line)
 

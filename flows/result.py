@@ -1,9 +1,11 @@
 """The result of one image as `--json` prints it: one object, the same keys whatever happened."""
 
+from collections import Counter
 from typing import Any
 
 from catalog.errors import PlanetposeError
 from flows.chain import Chain
+from flows.verdict import PUBLISHED, doubts
 
 EMPTY: dict[str, Any] = {
     "product": None,
@@ -34,17 +36,17 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
     result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
-    result |= verdict(error) | known_before_correction(chain)
+    result |= verdict(error, doubts(chain)) | known_before_correction(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
     seconds = {name: record.seconds for name, record in chain.records.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}
 
 
-def verdict(error: Exception | None) -> dict[str, Any]:
+def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
     """status and reason. What is no expected failure is told as what it is: trouble with files, or a bug."""
     if error is None:
-        return {"status": "ok", "reason": None}
+        return {"status": "doubtful" if doubts else "ok", "reason": " ".join(doubts) or None}
     if isinstance(error, PlanetposeError):
         return {"status": error.status, "reason": error.reason}
     if isinstance(error, OSError):
@@ -77,5 +79,12 @@ def corrected(chain: Chain) -> dict[str, Any]:
 
 
 def exit_status(results: list[dict[str, Any]]) -> int:
-    """0 when every image is ok, else 1."""
-    return EXIT_OK if all(result["status"] == "ok" for result in results) else EXIT_SOME_FAILED
+    """0 when every image is published, be it with a doubt, else 1."""
+    return EXIT_OK if all(result["status"] in PUBLISHED for result in results) else EXIT_SOME_FAILED
+
+
+def tally(results: list[dict[str, Any]]) -> str:
+    """How many images ended how, for people: `5 images: 3 ok, 1 doubtful, 1 refused`."""
+    counts = Counter(result["status"] for result in results)
+    known = ", ".join(f"{counts[status]} {status}" for status in (*PUBLISHED, "refused", "failed") if counts[status])
+    return f"{len(results)} {'image' if len(results) == 1 else 'images'}: {known}"

@@ -1,6 +1,7 @@
 """planetpose correct FILE..."""
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -45,7 +46,7 @@ def correct(
     from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.request import Request
-    from flows.result import exit_status
+    from flows.result import exit_status, tally
     from flows.run import run_requests
 
     chosen = usable_profile(profile, max_passes)
@@ -73,6 +74,8 @@ def correct(
             told,
             lambda result: write_json(answer, result) if json else print(one_line(result), file=answer, flush=True),
         )
+    if not quiet and (len(results) > 1 or results[0]["status"] == "doubtful"):
+        print(tally(results), file=sys.stderr)
     end_process(exit_status(results))
 
 
@@ -90,7 +93,7 @@ def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":
 
 def one_line(result: dict[str, Any]) -> str:
     """A result for people."""
-    if result["status"] != "ok":
+    if not result["cube"]:
         return f"{result['product']}: {result['status']}: {result['reason']}"
     offset = "unknown" if result["offset_px"] is None else "({:+.2f}, {:+.2f})".format(*result["offset_px"])
     rms = "unknown" if result["limb_rms_px"] is None else f"{result['limb_rms_px']:.2f}"
@@ -98,6 +101,7 @@ def one_line(result: dict[str, Any]) -> str:
     if result["attitude_deg"] is not None:
         turn = f"turn {sum(part**2 for part in result['attitude_deg']) ** 0.5:.2f} deg"
     return (
-        f"{result['product']}: ok: {result['target']} by {result['camera']}, offset {offset} px, "
+        f"{result['product']}: {result['status']}: {result['target']} by {result['camera']}, offset {offset} px, "
         f"range x {result['range_factor']:.5f}, {turn}, limb rms {rms} px; {result['cube']}"
+        + (f"; {result['reason']}" if result["reason"] else "")
     )

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.compare.brightness import correlation
+from tasks.compare.brightness import correlation, fit_brightness
+from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
@@ -23,7 +24,8 @@ class LimbReport:
     """rms_px, mean_px (x, y): of the shifts along rows and columns, image minus simulation; None when fewer than the
     settings' min_points segments could be measured. points: segments measured; tried: lit segments on usable pixels.
     normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. similarity: SSIM, and correlation,
-    of image and simulation. xy_px, shift_px, horizontal: for the pictures."""
+    of image and simulation; likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px,
+    horizontal: for the pictures."""
 
     rms_px: float | None
     mean_px: tuple[float, float] | None
@@ -33,6 +35,7 @@ class LimbReport:
     tried: int
     similarity: float
     correlation: float
+    likeness: float
     xy_px: Array = field(repr=False)
     shift_px: Array = field(repr=False)
     horizontal: NDArray[np.bool_] = field(repr=False)
@@ -48,6 +51,7 @@ class LimbReport:
             "tried",
             "similarity",
             "correlation",
+            "likeness",
         )
         return {name: getattr(self, name) for name in names}
 
@@ -59,6 +63,7 @@ def validate_limb(
     settings = settings or ValidateSettings()
     match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=settings.half_px + 8))
     edges = measure_limb(match, settings)
+    wide = with_rim(observation, pose, scene)
     shift, horizontal = edges.shift_px, edges.segments.horizontal
     enough = len(shift) >= settings.min_points
     return LimbReport(
@@ -70,6 +75,7 @@ def validate_limb(
         tried=edges.tried,
         similarity=ssim(match.image, edges.model, match.usable),
         correlation=correlation(match.image, edges.model, match.usable),
+        likeness=likeness(wide, fit_brightness(wide, wide.simulation.bases)[0]),
         xy_px=edges.segments.xy_px,
         shift_px=shift,
         horizontal=horizontal,

@@ -1,0 +1,56 @@
+"""What is believed of a corrected pose: refused outright, doubted, or taken."""
+
+from typing import Any
+
+from catalog.errors import FailedError
+from flows.chain import Chain
+from flows.profile import AcceptSettings
+
+PUBLISHED = ("ok", "doubtful")
+
+
+def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
+    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
+    limb = report["limb"]
+    rms_px, points, likeness = limb["rms_px"], limb["points"], limb["likeness"]
+    if likeness < accept.min_likeness:
+        raise FailedError(
+            "image-unlike-simulation",
+            f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
+            f"(needed {accept.min_likeness:g}).",
+            "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
+        )
+    if rms_px is None and accept.require_limb:
+        raise FailedError(
+            "limb-not-measured",
+            f"only {points} segments of the lit limb could be measured, so nothing bears the corrected pose out.",
+            "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
+        )
+    if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:
+        raise FailedError(
+            "limb-does-not-fit",
+            f"the corrected limb is {rms_px:.2f} px (RMS) from the image's, allowed {accept.max_limb_rms_px:g} px.",
+            "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
+        )
+
+
+def doubts(chain: Chain) -> list[str]:
+    """Why the corrected pose is doubtful, each as `code: fault. Remedy.`; empty when nothing speaks against it.
+
+    A correction doubts by a text under `doubt` in its evidence; only the last one of a kind is asked.
+    """
+    last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
+    found = [result.get("evidence", {}).get("doubt") for result in last.values()]
+    found.append(doubtful_likeness(chain.request.profile.accept, last["validate"]) if "validate" in last else None)
+    return [doubt for doubt in found if doubt]
+
+
+def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """The doubt that a poor likeness of image and simulation raises."""
+    likeness = report["limb"]["likeness"]
+    if likeness >= accept.sure_likeness:
+        return None
+    return (
+        f"image-unlike-simulation: image and simulation correlate by only {likeness:.2f} (sure from "
+        f"{accept.sure_likeness:g}). Check Sun direction, base map and the picture."
+    )

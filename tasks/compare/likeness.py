@@ -1,0 +1,34 @@
+"""How like each other image and simulation are: one figure that an empty, inverted or sloping frame cannot reach."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.compare.brightness import correlation
+from tasks.compare.match import Match, framed_window, match_scene
+from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
+
+# So much sky around the disk that a brightness that goes on beyond the limb counts against the simulation.
+RIM_RADII = 0.3
+RIM_PX = 8.0
+
+
+def with_rim(observation: Observation, pose: Pose, scene: Scene) -> Match:
+    """Image and simulation of `pose` with a rim of sky wide enough for `likeness`."""
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    return match_scene(observation, scene, pose, framed_window(scene, pose, RIM_PX + RIM_RADII * radius))
+
+
+def likeness(match: Match, model: NDArray[np.float64]) -> float:
+    """Correlation (-1..1) of the image with its fitted simulation `model` (ny, nx), over usable pixels of disk and rim.
+
+    A least-squares fit is proud of a target that is darker than the sky, too: that counts negative.
+    """
+    sky = match.simulation.coverage < 1e-3
+    lit = match.simulation.lit > 0.5
+    if not (sky & match.usable).any() or not (lit & match.usable).any():
+        return correlation(match.image, model, match.usable)
+    brighter = float(np.median(model[lit & match.usable])) > float(np.median(model[sky & match.usable]))
+    return (1 if brighter else -1) * correlation(match.image, model, match.usable)
