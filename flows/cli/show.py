@@ -13,15 +13,37 @@ def register(app: typer.Typer) -> None:
 
 def show(
     path: Annotated[Path, typer.Argument(help="A product folder, as written by `planetpose correct`.")],
+    limb: Annotated[
+        bool, typer.Option("--limb", help="Pictures of the limb instead: segments, profiles, derivatives, shifts.")
+    ] = False,
+    map: Annotated[
+        Path | None,
+        typer.Option(help="With --limb: the base map that the product was made with, if not the catalog's."),
+    ] = None,
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the picture where there is a display.")] = True,
 ) -> None:
     """Draw the overlay picture anew and print its path: image, predicted and corrected limb, grid, terminator."""
+    pictures = limb_pictures(path, map) if limb else [overlay_picture(path)]
+    for picture in pictures:
+        print(picture)
+    if open_ and on_a_desk():
+        typer.launch(str(pictures[0]))
+
+
+def overlay_picture(path: Path) -> Path:
+    """Draw the overlay of a product anew."""
     from tasks.publish import redraw_overlay
 
-    picture = redraw_overlay(path)
-    print(picture)
-    if open_ and on_a_desk():
-        typer.launch(str(picture))
+    return redraw_overlay(path)
+
+
+def limb_pictures(path: Path, basemap: Path | None) -> list[Path]:
+    """Draw the lit limb of a product, image beside simulation, before and after the correction."""
+    from tasks.pictures.limb_figures import write_limb_figures
+    from tasks.pictures.limb_profiles import compare_limbs
+    from tasks.pictures.product import read_product
+
+    return list(write_limb_figures(compare_limbs(read_product(path, basemap)), path).values())
 
 
 def on_a_desk() -> bool:

@@ -1,0 +1,92 @@
+"""A finished product, read back: what the pictures of its limb need."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalog.basemap import BaseMap, packaged_map_path, read_map, uniform_map
+from catalog.camera import Camera, camera_from_dict
+from catalog.errors import RefusedError
+from catalog.observation import Observation, Quality
+from catalog.pose import Pose
+from catalog.readers.noise import measured_noise
+from catalog.target import Target
+from tasks.compare.limb_edges import LimbSettings
+from tasks.publish.cube import open_cube
+from tasks.publish.product import CUBE
+from tasks.simulate import Scene, SceneSettings
+
+
+@dataclass(frozen=True)
+class Product:
+    """name; observation: the undistorted frame, its noise measured anew; before, after: predicted and corrected pose;
+    scene: with the base map and settings that the product was made with; limb: the settings of its validation."""
+
+    name: str
+    observation: Observation
+    before: Pose
+    after: Pose
+    scene: Scene
+    limb: LimbSettings
+
+
+def read_product(folder: Path, basemap: Path | None = None) -> Product:
+    """Read a product folder. basemap: the user's own map that the product was made with, if it was.
+
+    Raises RefusedError when the folder holds no cube, or the base map is not at hand.
+    """
+    folder = Path(folder)
+    if not (folder / CUBE).is_dir():
+        raise RefusedError(
+            "product-missing",
+            f"{folder} holds no {CUBE}.",
+            "Give a product folder, as written by `planetpose correct`.",
+        )
+    with open_cube(folder / CUBE) as cube:
+        attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
+        resampled = "resampled_image" in cube
+        image = cube["resampled_image" if resampled else "image"].values
+        quality = np.zeros(image.shape, np.uint16) if resampled else cube["quality"].values.astype(np.uint16)
+    target = Target.model_validate(attributes["target_model"])
+    camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
+    settings = attributes["settings"]
+    known = _map_of(attributes["provenance"].get("basemap", {}), target, basemap, folder)
+    return Product(
+        attributes["product"],
+        _observation(image, quality),
+        Pose.from_dict(attributes["pose_before"]),
+        Pose.from_dict(attributes["pose_after"]),
+        Scene(camera, target, known, SceneSettings.model_validate(settings.get("simulate", {}))),
+        LimbSettings.model_validate(settings.get("validate", {})),
+    )
+
+
+def _loaded(value: Any) -> Any:
+    return json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value
+
+
+def _observation(image: np.ndarray, quality: np.ndarray) -> Observation:
+    """The pixels, those without a value flagged."""
+    finite = np.isfinite(image)
+    quality = np.where(finite, quality, quality | np.uint16(Quality.MISSING)).astype(np.uint16)
+    image = np.where(finite, image, 0).astype(np.float32)
+    bare = Observation(image, np.ones_like(image), quality)
+    return Observation(image, measured_noise(image, bare.usable, False), quality)
+
+
+def _map_of(made_with: dict[str, Any], target: Target, given: Path | None, folder: Path) -> BaseMap:
+    """The base map whose hash is in the product: the user's, or the catalog's."""
+    if made_with.get("sha256") == "uniform":
+        return uniform_map()
+    path = given or (packaged_map_path(target.basemap) if target.basemap else None)
+    found = read_map(path, made_with.get("left_edge_deg", 0.0)) if path else None
+    if found is None or found.sha256 != made_with.get("sha256"):
+        raise RefusedError(
+            "map-differs",
+            f"{folder} was made with the base map {made_with.get('name')}, which {path or 'the catalog'} is not.",
+            "Give the same file again with --map.",
+        )
+    return found
