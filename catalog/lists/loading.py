@@ -64,22 +64,23 @@ def read_image_list(path: Path) -> tuple[ImageList, list[str]]:
         raise invalid(path, _in_words(error), f"Of the whole list may be said: {', '.join(WHOLE)}.") from error
 
 
-def sound_entries(rows: Iterable[tuple[str, Row]]) -> tuple[list[ImageEntry], list[str]]:
-    """Entries of the rows that are sound and repeat neither product nor file nor content, and the others' faults."""
+def sound_entries(
+    rows: Iterable[tuple[str, Row]], known: Iterable[ImageEntry] = ()
+) -> tuple[list[ImageEntry], list[str]]:
+    """Entries of the rows that are sound and repeat neither product nor file nor content of an earlier one or of
+    `known`, and the others' faults, each with its place."""
     entries: list[ImageEntry] = []
     faults: list[str] = []
-    first: dict[tuple[str, str], str] = {}
+    first = {key: f"{entry.product!r} of the list" for entry in known for key in identities(entry)}
     for place, row in rows:
         try:
             entry = ImageEntry.model_validate(_typed(row))
         except ValidationError as error:
             faults.append(f"{place}{_product(row)}: {_in_words(error)}")
             continue
-        repeated = next(
-            ((kind, first[kind, value]) for kind, value in identities(entry) if (kind, value) in first), None
-        )
+        repeated = [(kind, first[kind, value]) for kind, value in identities(entry) if (kind, value) in first]
         if repeated:
-            faults.append(f"{place}{_product(row)}: the same {repeated[0]} as {repeated[1]}")
+            faults.append(f"{place}{_product(row)}: the same {repeated[0][0]} as {repeated[0][1]}")
             continue
         first.update(dict.fromkeys(identities(entry), place))
         entries.append(entry)
@@ -123,10 +124,11 @@ def _in_words(error: Exception) -> str:
 def write_image_list(image_list: ImageList, path: Path) -> None:
     """Write a list as CSV, TOML or Parquet, whole or not at all. CSV and Parquet leave out title, sources, missing."""
     whole = {name: value for name in WHOLE if (value := _plain(getattr(image_list, name)))}
-    write_table(path, whole, [_row(entry) for entry in image_list.entries])
+    write_table(path, whole, [row_of(entry) for entry in image_list.entries])
 
 
-def _row(entry: ImageEntry) -> Row:
+def row_of(entry: ImageEntry) -> Row:
+    """An entry as a row of plain values, without what is not known."""
     fields = entry.model_dump(mode="json", exclude_defaults=True, exclude={"truth"})
     return {k: _plain(v) for k, v in fields.items()} | {f"{TRUTH}{name}": value for name, value in entry.truth.items()}
 

@@ -5,6 +5,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
+from catalog.lists.kernel_sets import expanded
 from catalog.lists.location import Location, parse_location
 from catalog.safe_name import safe_product_name
 
@@ -17,8 +18,8 @@ class ImageEntry(BaseModel):
     product: name of its folder in a store. image, label: a path (relative to the list's folder), a URL, or
     `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a camera may be a TOML file); None
     asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the user's own. pose_file,
-    truth_file: pose files, as paths. utc: middle of the exposure. sha256, label_sha256, bytes: of the files themselves.
-    truth: what a simulation planted, by name. notes: for people.
+    truth_file: pose files, as paths. basemap: a location; None takes the catalog's. utc: middle of the exposure.
+    sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name. notes: for people.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
@@ -33,6 +34,8 @@ class ImageEntry(BaseModel):
     filter: str | None = None
     kernels: tuple[str, ...] = ()
     pose_file: str | None = None
+    basemap: str | None = None
+    map_left_edge_deg: float = Field(default=0.0, ge=-360, le=360)
     truth_file: str | None = None
     sha256: str | None = Field(default=None, pattern=SHA256)
     label_sha256: str | None = Field(default=None, pattern=SHA256)
@@ -48,7 +51,7 @@ class ImageEntry(BaseModel):
             raise ValueError(f"{name!r} is no name for a folder in a store; {safe!r} would be")
         return name
 
-    @field_validator("image", "label", "pose_file", "truth_file")
+    @field_validator("image", "label", "pose_file", "truth_file", "basemap")
     @classmethod
     def _is_a_location(cls, text: str | None) -> str | None:
         if text is not None:
@@ -95,6 +98,10 @@ class ImageList(BaseModel):
         (default: the user's, `catalog.settings.archive_folder`). The file need not exist."""
         location: Location = parse_location(text)
         return location.local_path(self.folder, archive)
+
+    def kernel_paths(self, entry: ImageEntry, archive: Path | None = None) -> tuple[Path, ...]:
+        """Where the kernels of an entry are on this machine, sets expanded; () means the user's own."""
+        return tuple(self.located(text, archive) for text in expanded(entry.kernels))
 
     def only(self, products: tuple[str, ...]) -> "ImageList":
         """The list with those entries alone whose product matches one of the shell patterns (`C16*`)."""
