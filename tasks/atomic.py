@@ -10,6 +10,7 @@ import uuid
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import IO, Any
 
 TEMPORARY_SUFFIX = ".tmp"
 ABANDONED_AFTER_S = 24 * 3600.0
@@ -34,6 +35,36 @@ def folder_put_in_place(folder: Path, keep: Callable[[], bool] | None = None) ->
         _put_in_place(temporary, folder, keep)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def file_put_in_place(path: Path) -> Iterator[Path]:
+    """Yield the name of a hidden file beside `path` that takes its place at the end, unless the block raises. A reader
+    finds the old content or the new one."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sweep_temporaries(path.parent)
+    temporary = path.parent / _temporary_name(path.name)
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def locked(file: IO[Any]) -> Iterator[None]:
+    """Hold an exclusive lock on an open file; the system gives it free when its holder dies. Where the system has no
+    such locks (Windows) nothing is held."""
+    try:
+        import fcntl
+    except ImportError:
+        yield
+        return
+    fcntl.flock(file, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        fcntl.flock(file, fcntl.LOCK_UN)
 
 
 def _temporary_name(name: str) -> str:
@@ -81,7 +112,10 @@ def sweep_temporaries(parent: Path) -> None:
     """Delete what killed writers left in `parent`: those of this machine at once, of others after a day."""
     for path in parent.glob(f".*{TEMPORARY_SUFFIX}"):
         if _is_abandoned(path):
-            shutil.rmtree(path, ignore_errors=True)
+            if path.is_dir():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
 
 
 def _is_abandoned(path: Path) -> bool:

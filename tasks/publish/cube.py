@@ -42,7 +42,12 @@ def cube_dataset(publication: Publication) -> "xr.Dataset":
 
 
 def write_cube(cube: "xr.Dataset", path: Path) -> None:
-    """Write a Zarr v3 group: one chunk per array, Blosc zstd with byte shuffle, no consolidated metadata."""
+    """Write a Zarr v3 group: one chunk per array, Blosc zstd with byte shuffle, consolidated metadata.
+
+    Measured on a LORRI cube of 1024x1024 (44 MB raw; loaded whole, and 64x64 of three planes): this 9.5 MB, 75 and
+    26 ms; zstd-9 8.5 MB but 17 s to write; chunks of 256x256 9.4 MB, 200 and 33 ms; the same in one shard 9.4 MB, 436
+    and 42 ms. The consolidated metadata are for readers who cannot list a folder: those over HTTP.
+    """
     from zarr.codecs import BloscCodec
 
     compressor = BloscCodec(cname="zstd", clevel=ZSTD_LEVEL, shuffle="shuffle")
@@ -50,14 +55,22 @@ def write_cube(cube: "xr.Dataset", path: Path) -> None:
         name: {"chunks": cube[name].shape, "compressors": [compressor]} for name in BY_NAME if name in cube
     }
     encoding["quality"]["_FillValue"] = None
-    cube.to_zarr(path, mode="w-", zarr_format=3, consolidated=False, encoding=encoding)
+    write_group(cube, path, encoding)
 
 
-def open_cube(path: Path) -> "xr.Dataset":
-    """Open a cube lazily."""
+def write_group(dataset: "xr.Dataset", path: Path, encoding: dict[str, dict[str, Any]]) -> None:
+    """Write a new Zarr v3 group with consolidated metadata, which zarr 3 reads and writes ahead of the standard."""
+    import warnings
+
+    warnings.filterwarnings("ignore", "Consolidated metadata is currently not part in the Zarr format 3")
+    dataset.to_zarr(path, mode="w-", zarr_format=3, consolidated=True, encoding=encoding)
+
+
+def open_cube(path: "Path | str") -> "xr.Dataset":
+    """Open a cube lazily, as dask arrays; a path, or a URL that fsspec understands."""
     import xarray as xr
 
-    return xr.open_zarr(path, consolidated=False)
+    return xr.open_zarr(path, consolidated=None)
 
 
 def _pixel_attributes(name: str, direction: str) -> dict[str, str]:

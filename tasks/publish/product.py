@@ -1,4 +1,4 @@
-"""The product folder of one image: cube.zarr, overlay.png, result.json, settings.json."""
+"""The product folder of one image: cube.zarr, overlay.png, result.json, settings.json and their checksums."""
 
 import json
 from pathlib import Path
@@ -9,11 +9,11 @@ from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
+from tasks.publish.checksums import refresh_checksum, write_checksums
 from tasks.publish.cube import cube_dataset, open_cube, write_cube
+from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.publish.overlay import draw_overlay
 from tasks.publish.publication import Publication
-
-CUBE, OVERLAY, RESULT, SETTINGS = "cube.zarr", "overlay.png", "result.json", "settings.json"
 
 
 def publish(publication: Publication, store: Path) -> Path:
@@ -29,13 +29,14 @@ def publish(publication: Publication, store: Path) -> Path:
 
 
 def write_product(publication: Publication, folder: Path) -> None:
-    """Write the product's four parts into an existing folder, whose appearing is the caller's business."""
+    """Write the product's parts and checksums into an existing folder, whose appearing is the caller's business."""
     p = publication
     _write_json(folder / SETTINGS, p.settings)
     _write_json(folder / RESULT, {**p.result, "cube": CUBE, "overlay": OVERLAY})
     write_cube(cube_dataset(p), folder / CUBE)
     caption = _caption(p.product, p.target.name, p.camera.name, p.pose_after, p.result)
     draw_overlay(p.observation.image, p.pose_before, p.pose_after, p.camera, p.target, folder / OVERLAY, caption)
+    write_checksums(folder)
 
 
 def redraw_overlay(folder: Path) -> Path:
@@ -59,6 +60,7 @@ def redraw_overlay(folder: Path) -> Path:
     result = json.loads((folder / RESULT).read_text()) if (folder / RESULT).is_file() else {}
     caption = _caption(attributes["product"], target.name, camera.name, after, result)
     draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption)
+    refresh_checksum(folder, OVERLAY)
     return folder / OVERLAY
 
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from catalog.observation import Observation
 from tasks.project.uncertainty import PoseUncertainty
-from tasks.publish.product import CUBE, OVERLAY, write_product
+from tasks.publish.names import CUBE, OVERLAY
+from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.stored import camera_of, load_arrays, load_observation, pose_in, target_of

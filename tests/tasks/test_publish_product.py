@@ -58,7 +58,8 @@ def publication_of(size=200, radius_px=70.0, offset_km=(300.0, -200.0), product=
 
 def test_a_product_holds_cube_picture_result_and_settings(tmp_path):
     folder = publish(publication_of(), tmp_path / "store")
-    assert sorted(p.name for p in folder.iterdir()) == ["cube.zarr", "overlay.png", "result.json", "settings.json"]
+    parts = ["SHA256SUMS", "cube.zarr", "overlay.png", "result.json", "settings.json"]
+    assert sorted(p.name for p in folder.iterdir()) == parts
     result = json.loads((folder / "result.json").read_text())
     assert (result["status"], result["cube"], result["overlay"]) == ("ok", "cube.zarr", "overlay.png")
     assert json.loads((folder / "settings.json").read_text()) == {"profile": "paper"}
@@ -75,7 +76,7 @@ def test_a_result_that_is_no_json_leaves_nothing_in_the_store(tmp_path):
 
 def test_a_cube_that_was_opened_before_an_overwrite_never_reads_as_missing(tmp_path):
     publish(publication_of(level=1000.0), tmp_path)
-    opened = xr.open_zarr(tmp_path / "C0001" / "cube.zarr", consolidated=False)
+    opened = xr.open_zarr(tmp_path / "C0001" / "cube.zarr")
     publish(publication_of(level=3000.0), tmp_path)
     assert float(opened["image"].max()) > 2000
     assert np.isfinite(opened["image"].values).all()
@@ -92,7 +93,7 @@ def test_size_and_time_of_a_full_frame_product(tmp_path):
     cube = folder / "cube.zarr"
     stored = sum(p.stat().st_size for p in cube.rglob("*") if p.is_file())
     started = time.perf_counter()
-    with xr.open_zarr(cube, consolidated=False) as opened:
+    with xr.open_zarr(cube) as opened:
         open_s = time.perf_counter() - started
         raw = sum(v.nbytes for v in opened.variables.values())
     picture = (folder / "overlay.png").stat().st_size

@@ -1,0 +1,3 @@
+"""Names of the files in a product folder."""
+
+CUBE, OVERLAY, RESULT, SETTINGS = "cube.zarr", "overlay.png", "result.json", "settings.json"
