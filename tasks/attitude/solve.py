@@ -33,8 +33,11 @@ class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
     attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
     match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
-    larger turn is not believed. min_lit: weakest simulated shading, relative to the brightest, at which markings are
-    compared."""
+    larger turn is not believed, nor one whose 1-sigma about some axis exceeds max_sigma_deg. min_lit: weakest simulated
+    shading, relative to the brightest, at which markings are compared.
+
+    max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
+    paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -44,6 +47,9 @@ class AttitudeSettings(BaseModel):
     min_share: float = Field(0.25, ge=0, le=1)
     min_lit: float = Field(0.15, ge=0, lt=1)
     max_deg: float = Field(5.0, gt=0)
+    max_sigma_deg: float = Field(1.0, gt=0)
+    max_turns: int = Field(5, ge=1, le=50)
+    settle_deg: float = Field(0.01, gt=0)
 
 
 @dataclass(frozen=True)
@@ -65,13 +71,15 @@ def find_attitude(
     Large disks are first compared at reduced resolution, so that the search box spans some degrees. When the image
     cannot tell (too few or too poor vectors, an unbelievable turn, or a turn that makes the images less alike) the
     pose is returned unchanged with `attitude_deg` None and the reason in the evidence: that is an answer, no failure.
+    Where the map has markings and the image others, the evidence holds a `doubt` as well. converged, and `settled` in
+    the evidence: whether turning came to rest within `max_turns`.
     """
     radius = disk_radius_px(pose, scene.camera, scene.target)
     reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
     quick = reduced_observation(observation, reductions[0]), reduced_scene(scene, reductions[0])
-    turned, turns = pose, []
-    for iteration, reduction in enumerate(reductions, 1):
+    turned, turns, settled = pose, [], False
+    for iteration, reduction in enumerate([*reductions, *reductions[-1:] * (settings.max_turns - 1)], 1):
         match = match_scene(reduced_observation(observation, reduction), reduced_scene(scene, reduction), turned)
         if iteration == 1:
             before = likeness(match)
@@ -80,22 +88,51 @@ def find_attitude(
         turned = turn.pose
         if progress:
             progress("attitude", iteration, told(turn))
+        settled = iteration >= len(reductions) and is_still(turn, settings.settle_deg)
+        if settled or (iteration >= len(reductions) and turn.vector_deg is None):
+            break
     after = likeness(match_scene(*quick, turned))
-    evidence: dict[str, Any] = {"turns": turns, "correlation_before": before, "correlation_after": after}
     # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
     whole = vector_deg_from_rotation((turned.body_from_j2000 @ pose.body_from_j2000.T).T)
-    reason = None
-    if turn.vector_deg is None:
-        reason = turn.evidence["reason"]
-    elif float(np.linalg.norm(whole)) > settings.max_deg:
-        reason = f"a turn of {float(np.linalg.norm(whole)):.1f} deg is not believable (limit {settings.max_deg} deg)"
-    elif after < before - 1e-4:
-        reason = f"the turn makes image and simulation less alike ({before:.4f} to {after:.4f})"
+    evidence: dict[str, Any] = {
+        "turns": turns,
+        "settled": settled,
+        "correlation_before": before,
+        "correlation_after": after,
+    }
+    reason = why_not(turn, whole, before, after, settings)
     if reason is not None:
-        evidence["undetermined"] = reason
+        evidence |= {"undetermined": reason, "settled": None}
+        if turn.evidence.get("mismatch"):
+            evidence["doubt"] = (
+                f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
+            )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
     sigma = None if turn.sigma_deg is None else turn.sigma_deg.tolist()
-    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence)
+    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence, settled)
+
+
+def is_still(turn: Turn, settle_deg: float) -> bool:
+    """Whether the turn is too small to matter."""
+    if turn.vector_deg is None or turn.sigma_deg is None:
+        return False
+    return bool((np.abs(turn.vector_deg) <= np.maximum(settle_deg, turn.sigma_deg / 2)).all())
+
+
+def why_not(
+    turn: Turn, whole_deg: NDArray[np.float64], before: float, after: float, settings: AttitudeSettings
+) -> str | None:
+    """Why the turns so far are not believed, or None."""
+    angle = float(np.linalg.norm(whole_deg))
+    if turn.vector_deg is None or turn.sigma_deg is None:
+        return str(turn.evidence["reason"])
+    if angle > settings.max_deg:
+        return f"a turn of {angle:.1f} deg is not believable (limit {settings.max_deg} deg)"
+    if turn.sigma_deg.max() > settings.max_sigma_deg:
+        return f"the turn is uncertain by {turn.sigma_deg.max():.1f} deg (limit {settings.max_sigma_deg} deg)"
+    if after < before - 1e-4:
+        return f"the turn makes image and simulation less alike ({before:.4f} to {after:.4f})"
+    return None
 
 
 def told(turn: Turn) -> str:
@@ -113,11 +150,11 @@ def one_turn(match: Match, settings: AttitudeSettings) -> Turn:
     good = flow.valid & (flow.correlation >= settings.min_correlation)
     count, places = int(good.sum()), int(flow.places.sum())
     evidence: dict[str, Any] = {"vectors": count, "share": round(count / max(places, 1), 4)}
-    if count < settings.min_vectors:
-        return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
-    if count < settings.min_share * places:
+    if count < settings.min_share * places and places * settings.min_share >= settings.min_vectors:
         reason = f"the map's markings match at only {count / places:.0%} of the places compared"
-        return Turn(pose, None, None, evidence | {"reason": reason})
+        return Turn(pose, None, None, evidence | {"reason": reason, "mismatch": True})
+    if count < max(settings.min_vectors, settings.min_share * places):
+        return Turn(pose, None, None, evidence | {"reason": f"only {count} flow vectors, too bland a disk or map"})
     y, x = np.nonzero(good)
     here = np.stack([x, y], axis=-1) + np.asarray(match.origin)
     there = here + flow.displacement[good]

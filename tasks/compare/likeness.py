@@ -7,16 +7,20 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.brightness import correlation
 from tasks.compare.match import Match, framed_window, match_scene
+from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 # So much sky around the disk that a brightness that goes on beyond the limb counts against the simulation.
 RIM_RADII = 0.3
 RIM_PX = 8.0
+DIAMETER_PX = 200.0
 
 
 def with_rim(observation: Observation, pose: Pose, scene: Scene) -> Match:
-    """Image and simulation of `pose` with a rim of sky wide enough for `likeness`."""
+    """Image and simulation of `pose` with a rim of sky wide enough for `likeness`, large disks at less resolution."""
+    n = reduction_for(pose, scene, DIAMETER_PX)
+    observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
     radius = disk_radius_px(pose, scene.camera, scene.target)
     return match_scene(observation, scene, pose, framed_window(scene, pose, RIM_PX + RIM_RADII * radius))
 

@@ -14,7 +14,7 @@ from catalog.pose import Pose
 from tasks.compare.brightness import brightness_columns, fit_brightness, robust_least_squares
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
-from tasks.compare.similarity import ssim
+from tasks.compare.similarity import SsimSettings, ssim
 from tasks.correction import Correction
 from tasks.point.registration.least_squares import gauss_newton_step, moved
 from tasks.point.rotation import pose_moved_by
@@ -27,7 +27,8 @@ class ScanSettings(BaseModel):
     """low, high, step: the paper's scan of 0.99-1.01; it is widened by `widen` at a time, at most to `limit` from 1,
     while the best factor is at an edge. refine_step: spacing of the three fresh renders that the parabola goes through.
     diameter_px: larger disks are compared at reduced resolution. must_settle: false leaves the range as it is when the
-    similarity has no maximum, for a later pass to find by other means; else that is a failure."""
+    similarity has no maximum, for a later pass to find by other means; else that is a failure. index: what similarity
+    is."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     low: float = Field(0.99, gt=0)
@@ -39,6 +40,7 @@ class ScanSettings(BaseModel):
     max_refinements: int = Field(6, ge=1)
     diameter_px: float = Field(300.0, gt=0)
     must_settle: bool = True
+    index: SsimSettings = SsimSettings()
 
 
 class NoMaximumError(FailedError):
@@ -115,7 +117,7 @@ def scan(match: Match, settings: ScanSettings) -> tuple[list[Trial], bool]:
     """Similarity over the grid of factors, widened while the best is at an edge; trials sorted by factor."""
     low, high = settings.low, settings.high
     factors = np.arange(low, high + settings.step / 2, settings.step)
-    trials = [scaled_trial(match, factor) for factor in factors]
+    trials = [scaled_trial(match, factor, settings.index) for factor in factors]
     widened = False
     while True:
         best = int(np.argmax([trial.similarity for trial in trials]))
@@ -131,15 +133,15 @@ def scan(match: Match, settings: ScanSettings) -> tuple[list[Trial], bool]:
             )
         if low_side:
             added = np.arange(low - settings.widen, low - settings.step / 2, settings.step)
-            trials = [*(scaled_trial(match, f) for f in added), *trials]
+            trials = [*(scaled_trial(match, f, settings.index) for f in added), *trials]
             low -= settings.widen
         else:
             added = np.arange(high + settings.step, high + settings.widen + settings.step / 2, settings.step)
-            trials = [*trials, *(scaled_trial(match, f) for f in added)]
+            trials = [*trials, *(scaled_trial(match, f, settings.index) for f in added)]
             high += settings.widen
 
 
-def scaled_trial(match: Match, factor: float) -> Trial:
+def scaled_trial(match: Match, factor: float, index: SsimSettings) -> Trial:
     """Similarity after scaling the simulated bases about the target's centre by 1 / factor."""
     import cv2
 
@@ -152,17 +154,17 @@ def scaled_trial(match: Match, factor: float) -> Trial:
             for b in match.simulation.bases
         ]
     )
-    return trial_of(match, bases, factor)
+    return trial_of(match, bases, factor, index)
 
 
-def trial_of(match: Match, bases: NDArray[np.float32], factor: float) -> Trial:
+def trial_of(match: Match, bases: NDArray[np.float32], factor: float, index: SsimSettings) -> Trial:
     """Solve the offset (two Gauss-Newton steps) and brightness for `bases`, then measure the similarity."""
     offset = np.zeros(2)
     for _ in range(2):
         step, _ = gauss_newton_step(match.image, match.weight, np.stack([moved(b, offset) for b in bases]))
         offset = offset + np.clip(step, -3, 3)
     model, _ = fit_brightness(match, np.stack([moved(b, offset) for b in bases]))
-    return Trial(factor, ssim(match.image, model, match.usable), offset)
+    return Trial(factor, ssim(match.image, model, match.usable, index), offset)
 
 
 def refine(
@@ -186,7 +188,7 @@ def refine(
             factor = start.factor + index * settings.refine_step
             moved_pose = pose_moved_by(pose, scene.camera, start.offset_px).with_range_factor(factor)
             match = match_scene(observation, scene, moved_pose, window)
-            trial = trial_of(match, match.simulation.bases, factor)
+            trial = trial_of(match, match.simulation.bases, factor, settings.index)
             rendered[index] = Trial(factor, trial.similarity, start.offset_px + trial.offset_px)
             if progress:
                 progress("range", 1 + len(rendered), f"factor {factor:.5f}: similarity {trial.similarity:.5f}")

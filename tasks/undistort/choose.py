@@ -60,8 +60,7 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
     what was seen in the frame. Raises RefusedError for an unknown method."""
     method = camera.distortion.model if settings.method == "camera" else settings.method
     if method == RESEAU:
-        bends = seen is not None and seen.bending is not None and uses_found_marks(settings, seen)
-        method = BENDING if bends else "thin-plate"
+        method = best_method(settings, seen)
     if method in METHODS and camera.distortion.model != RESEAU:
         raise RefusedError(
             "distortion-without-marks",
@@ -75,6 +74,13 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
             f"Known are {', '.join(OPTICS_NAMES)} and {RESEAU}.",
         )
     return method
+
+
+def best_method(settings: UndistortSettings, seen: SeenMarks | None) -> str:
+    """Name of the method for a reseau camera whose file leaves the choice open."""
+    if seen is None or not uses_found_marks(settings, seen):
+        return "thin-plate"
+    return settings.with_marks or (BENDING if seen.bending is not None else "thin-plate")
 
 
 def uses_found_marks(settings: UndistortSettings, seen: SeenMarks | None) -> bool:

@@ -11,7 +11,8 @@ Kernel = Literal["bilinear", "bicubic", "lanczos"]
 
 class UndistortSettings(BaseModel):
     """method: `camera` is what the camera file says (for reseau cameras the one that predicts marks best: beam-bending
-    where marks were found, thin-plate on a table); the others by name (the paper's choice for Voyager is delaunay).
+    where marks were found, thin-plate on a table); the others by name. with_marks: what `camera` means instead where
+    the frame shows its marks and they are used (the paper's choice for Voyager is delaunay).
     degree: of the radial or general polynomial, or of the thin plate's trend; None is the method's default.
 
     marks: `auto` measures the reseau marks in the frame and falls back on the camera's nominal table when too few are
@@ -26,6 +27,7 @@ class UndistortSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     method: Literal["camera"] | OpticsMethod | MarksMethod = "camera"
+    with_marks: MarksMethod | None = None
     degree: int | None = Field(None, ge=1, le=20)
     marks: str = "auto"
     fill_marks: bool = True
