@@ -1,0 +1,66 @@
+"""What falls on the focal plane: the true surface seen by an ideal pinhole, blurred and integrated over pixels.
+
+Rays meet the ellipsoid analytically in double precision: nothing is shared with the simulations of the corrections but
+the shape of the body.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.target import Target
+from tasks.project.rays import intersect, rays_of
+from tasks.simulate.scene import detect
+from tasks.simulate.window import Window, disk_radius_px, target_window
+from tasks.synthetic.surface import TrueSurface
+
+BRIGHT_PERCENTILE = 99.0
+SIDE_OF_A_SMOOTH_DISK = 700  # sub-pixels across a disk
+
+
+@dataclass(frozen=True)
+class Picture:
+    """brightness float32 (ny, nx) under `window` of the undistorted frame; the lit disk's bright parts are at 1."""
+
+    window: Window
+    brightness: NDArray[np.float32]
+
+
+def picture_of(
+    pose: Pose,
+    camera: Camera,
+    target: Target,
+    surface: TrueSurface,
+    psf_sigma_px: float,
+    oversample: int | None = None,
+) -> Picture:
+    """The picture of `target`; oversample: sub-pixels per pixel side, None chooses by the size of the disk."""
+    window = target_window(pose, camera, target)
+    s = oversample or int(np.clip(np.ceil(SIDE_OF_A_SMOOTH_DISK / (2 * disk_radius_px(pose, camera, target))), 2, 7))
+    x = window.x0 - 0.5 + (np.arange((window.x1 - window.x0) * s) + 0.5) / s
+    y = window.y0 - 0.5 + (np.arange((window.y1 - window.y0) * s) + 0.5) / s
+    places = intersect(rays_of(pose, camera, target), np.stack(np.meshgrid(x, y), axis=-1))
+    hit = np.isfinite(places[..., 0])
+    fine = np.zeros(hit.shape, np.float32)
+    fine[hit] = _brightness(places[hit], pose, target, surface)
+    lit = detect((fine > 0).astype(np.float32), s, psf_sigma_px) > 0.5
+    brightness = detect(fine, s, psf_sigma_px)
+    peak = np.percentile(brightness[lit], BRIGHT_PERCENTILE) if lit.any() else 1.0
+    return Picture(window, (brightness / np.float32(peak)).astype(np.float32))
+
+
+def _brightness(places: NDArray[np.float64], pose: Pose, target: Target, surface: TrueSurface) -> NDArray[np.float64]:
+    radii = np.asarray(target.radii_km)
+    body_km = places * radii
+    normal = places / radii
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    to_camera = pose.spacecraft_in_body_km - body_km
+    to_camera /= np.linalg.norm(to_camera, axis=-1, keepdims=True)
+    to_sun = pose.sun_direction_in_body
+    unit = body_km / np.linalg.norm(body_km, axis=-1, keepdims=True)
+    mu0 = np.maximum(normal @ to_sun, 0)
+    mu = np.maximum((normal * to_camera).sum(axis=-1), 0)
+    return surface.brightness(unit, mu0, mu, to_camera @ to_sun)
