@@ -6,6 +6,7 @@ from flows.paper.section import Part
 
 PARTS: dict[str, str] = {
     "table1": "flows.paper.table1",
+    "published": "flows.paper.published",
 }
 
 
