@@ -15,7 +15,6 @@ from catalog.errors import RefusedError
 Row = dict[str, Any]
 SUFFIXES = (".csv", ".toml", ".parquet")
 MAX_FILE_BYTES = 200_000_000
-PARQUET_REMEDY = 'Install it (`pip install "planetpose[parquet]"`), or save the list as CSV.'
 
 
 def read_table(path: Path) -> tuple[Row, list[tuple[str, Row]]]:
@@ -78,11 +77,9 @@ def _toml_rows(path: Path) -> tuple[Row, list[tuple[str, Row]]]:
 
 
 def _parquet_rows(path: Path) -> list[tuple[str, Row]]:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise RefusedError("list-parquet", f"image list {path}: Parquet needs pyarrow.", PARQUET_REMEDY) from error
+    import pyarrow
+    import pyarrow.parquet
+
     try:
         rows = pyarrow.parquet.read_table(path).to_pylist()
     except pyarrow.ArrowException as error:
@@ -140,10 +137,8 @@ def _value(value: Any) -> str:
 
 
 def _write_parquet(path: Path, rows: Sequence[Row]) -> None:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise RefusedError("list-parquet", f"image list {path}: Parquet needs pyarrow.", PARQUET_REMEDY) from error
+    import pyarrow
+    import pyarrow.parquet
+
     columns = _columns(rows)
     pyarrow.parquet.write_table(pyarrow.table({name: [row.get(name) for row in rows] for name in columns}), path)
