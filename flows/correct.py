@@ -16,6 +16,7 @@ from prefect.states import Completed, Failed, State
 from catalog.errors import FailedError, PlanetposeError, RefusedError
 from flows.chain import Chain
 from flows.image import correct_image
+from flows.indexing import note_in_index
 from flows.plan import twins
 from flows.progress import Reporter, Silent
 from flows.request import Request
@@ -75,6 +76,7 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
         for future in futures:
             result = future.result()
             results.append(result)
+            note_in_index(requests[len(results) - 1].store, result)
             listener.on_result(result)
             run_logger.info("%s: %s %s", result["product"], result["status"], result["reason"] or "")
     bad = [result for result in results if result["status"] not in PUBLISHED]

@@ -1,4 +1,4 @@
-"""planetpose benchmark projection"""
+"""planetpose benchmark projection|index"""
 
 from typing import Annotated
 
@@ -10,6 +10,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
     group.callback()(lambda: None)
     group.command()(projection)
+    group.command()(index)
     app.add_typer(group, name="benchmark")
 
 
@@ -23,6 +24,23 @@ def projection(
 
     with clean_stdout() as answer:
         figures = benchmark_projection(size)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def index(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    products: Annotated[int, typer.Option(min=2, max=100_000, help="Products in the store.")] = 1000,
+) -> None:
+    """Time a store's index: made from the cubes, opened, brought up to date after one change."""
+    from flows.benchmark_index import benchmark_index
+    from flows.cli.output import clean_stdout, write_json
+
+    with clean_stdout() as answer:
+        figures = benchmark_index(products)
         if json:
             write_json(answer, figures)
         else:

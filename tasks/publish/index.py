@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from catalog.errors import RefusedError
 from tasks.atomic import file_put_in_place, locked
 from tasks.publish.cube import open_cube
-from tasks.publish.index_rows import COLUMNS, NAMES, row_of, stamp_of
+from tasks.publish.index_rows import COLUMNS, NAMES, UNREADABLE, row_of, stamp_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +53,7 @@ def open_store(store: Path) -> "xr.DataTree":
     import xarray as xr
 
     index = open_index(store)
-    readable = index[index["status"] == "ok"]
+    readable = index[index["status"] != UNREADABLE]
     cubes = zip(readable["product"], readable["cube"], strict=True)
     return xr.DataTree.from_dict({product: open_cube(Path(store) / cube) for product, cube in cubes})
 

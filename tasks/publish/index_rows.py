@@ -29,7 +29,7 @@ class Column:
 
 COLUMNS = (
     Column("product", "text", "name of the product, and of its folder in the store"),
-    Column("status", "text", f"verdict: `ok`, or `{UNREADABLE}` when the cube's metadata cannot be read"),
+    Column("status", "text", f"verdict: `ok`, `doubtful`, or `{UNREADABLE}` when the cube's metadata cannot be read"),
     Column("reason", "text", "why it is not ok"),
     Column("utc", "time", "middle of the exposure, UTC"),
     Column("et", "number", "the same, TDB seconds past J2000"),
@@ -103,6 +103,7 @@ def _read(folder: Path) -> dict[str, Any]:
         "software": attributes["source"],
         "image_sha256": image.get("sha256") if isinstance(image, dict) else None,
         "status": result.get("status") or "ok",
+        "reason": result.get("reason"),
         **_geometry(pose, camera, target),
         **_correction(result),
     }

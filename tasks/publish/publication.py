@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.safe_name import is_safe_product_name
 from catalog.target import Target
 from tasks.project.uncertainty import PoseUncertainty
 
@@ -59,7 +60,7 @@ class Publication:
     distortion_uncertainty_px: NDArray[np.float32] | None = None
 
     def __post_init__(self) -> None:
-        if not self.product or self.product.startswith(".") or set(self.product) & set("/\\\0"):
+        if not is_safe_product_name(self.product):
             raise ValueError(f"{self.product!r} is no name for a folder")
         if self.observation.image.shape != self.camera.size_px[::-1]:
             raise ValueError(

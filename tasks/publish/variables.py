@@ -71,7 +71,8 @@ VARIABLES = (
     ),
     Variable(
         "emission", "float32", "degree", "emission angle: between the ellipsoid's normal and the spacecraft",
-        "sensor_zenith_angle", (0.0, 90.001),
+        "sensor_zenith_angle", (0.0, 90.05),
+        comment="from the apparent direction, as SPICE's ILUMIN counts it: above 90 by aberration at the limb",
     ),
     Variable("phase", "float32", "degree", "phase angle: Sun - surface point - spacecraft", "", (0.0, 180.0)),
     Variable("range_km", "float32", "km", "distance from the spacecraft to the surface point", "", (0.0, 1e11)),

@@ -1,0 +1,21 @@
+"""The store's index follows what is published, and never stands in its way."""
+
+import logging
+from pathlib import Path
+from typing import Any
+
+from flows.verdict import PUBLISHED
+
+logger = logging.getLogger("planetpose")
+
+
+def note_in_index(store: Path, result: dict[str, Any]) -> None:
+    """Bring the index of `store` up to date when `result` is of an image that was published just now."""
+    if result["status"] not in PUBLISHED or "publish" in result["cached"]:
+        return
+    from tasks.publish.index import open_index
+
+    try:
+        open_index(store)
+    except OSError as error:  # the products are there all the same, and the next reader brings it up to date
+        logger.warning("the index of %s was not written: %s", store, error)
