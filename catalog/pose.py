@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 POSE_KEYS = ("camera_from_j2000", "target_from_spacecraft_km", "sun_from_target_km", "body_from_j2000")
+MAX_VELOCITY_KM_S = 1000.0
+VELOCITY_KEYS = ("spacecraft_velocity_km_s", "target_velocity_km_s")  # optional, and known together
 
 
 def _checked_position(value: ArrayLike, name: str) -> Vector:
@@ -27,13 +30,24 @@ def _checked_position(value: ArrayLike, name: str) -> Vector:
     return v
 
 
+def _checked_velocity(value: ArrayLike, name: str) -> Vector:
+    v = np.array(value, dtype=np.float64)
+    if v.shape != (3,) or not np.isfinite(v).all() or np.linalg.norm(v) > MAX_VELOCITY_KM_S:
+        raise ValueError(f"{name} must be three finite km/s, at most {MAX_VELOCITY_KM_S:g} together; got {v.tolist()}")
+    v.setflags(write=False)
+    return v
+
+
 @dataclass(frozen=True)
 class Pose:
     """Geometry of one exposure at its middle.
 
     et: TDB seconds past J2000. camera_from_j2000, body_from_j2000: (3, 3) rotations (camera: +Z boresight, +X sample,
     +Y line). target_from_spacecraft_km: (3,) J2000, light time and stellar aberration corrected (LT+S).
-    sun_from_target_km: (3,) J2000. Raises ValueError when a matrix is no rotation or a position is not finite.
+    sun_from_target_km: (3,) J2000. spacecraft_velocity_km_s, target_velocity_km_s: (3,) J2000, relative to the solar
+    system's barycentre, the target's when the light left it; both, or None. With them the projection knows how
+    aberration and light time differ over the disk; without, both are taken as the centre's. Raises ValueError when a
+    matrix is no rotation or a vector is not finite.
     """
 
     et: float
@@ -41,6 +55,8 @@ class Pose:
     target_from_spacecraft_km: Vector
     sun_from_target_km: Vector
     body_from_j2000: Matrix
+    spacecraft_velocity_km_s: Vector | None = None
+    target_velocity_km_s: Vector | None = None
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.et):
@@ -49,6 +65,11 @@ class Pose:
             object.__setattr__(self, name, checked_rotation(getattr(self, name), name))
         for name in ("target_from_spacecraft_km", "sun_from_target_km"):
             object.__setattr__(self, name, _checked_position(getattr(self, name), name))
+        if (self.spacecraft_velocity_km_s is None) != (self.target_velocity_km_s is None):
+            raise ValueError(f"{' and '.join(VELOCITY_KEYS)} belong together: give both or none")
+        for name in VELOCITY_KEYS:
+            if getattr(self, name) is not None:
+                object.__setattr__(self, name, _checked_velocity(getattr(self, name), name))
 
     @property
     def range_km(self) -> float:
@@ -91,11 +112,12 @@ class Pose:
         return self.replaced(target_from_spacecraft_km=self.target_from_spacecraft_km * factor)
 
     def to_dict(self) -> dict[str, Any]:
-        """Pose file content: utc, et and the four geometry keys as plain lists."""
+        """Pose file content: utc, et, the four geometry keys and, where known, the velocities as plain lists."""
         return {
             "utc": utc_from_et(self.et),
             "et": float(self.et),
             **{key: getattr(self, key).tolist() for key in POSE_KEYS},
+            **{key: getattr(self, key).tolist() for key in VELOCITY_KEYS if getattr(self, key) is not None},
         }
 
     @classmethod
@@ -117,35 +139,38 @@ class PartialPose:
     target_from_spacecraft_km: Vector | None = None
     sun_from_target_km: Vector | None = None
     body_from_j2000: Matrix | None = None
+    spacecraft_velocity_km_s: Vector | None = None
+    target_velocity_km_s: Vector | None = None
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> "PartialPose":
         """Parts from a pose file's content. Raises ValueError for unknown keys, bad values and bad rotations."""
         if not isinstance(content, dict):
             raise ValueError("a pose file holds one JSON object")
-        unknown = sorted(set(content) - {"utc", "et", *POSE_KEYS})
+        unknown = sorted(set(content) - {"utc", "et", *POSE_KEYS, *VELOCITY_KEYS})
         if unknown:
-            raise ValueError(f"unknown keys {unknown}; known are utc, et, {', '.join(POSE_KEYS)}")
+            raise ValueError(f"unknown keys {unknown}; known are utc, et, {', '.join((*POSE_KEYS, *VELOCITY_KEYS))}")
         et = content.get("et")
         if et is None and content.get("utc") is not None:
             et = et_from_utc(str(content["utc"]))
-        known: dict[str, Any] = {key: content[key] for key in POSE_KEYS if content.get(key) is not None}
+        keys = (*POSE_KEYS, *VELOCITY_KEYS)
+        known: dict[str, Any] = {key: content[key] for key in keys if content.get(key) is not None}
         try:
             for key in known:
-                check = checked_rotation if key.endswith("_j2000") else _checked_position
-                known[key] = check(known[key], key)
+                known[key] = _check_of(key)(known[key], key)
             return cls(et=None if et is None else float(et), **known)
         except TypeError as error:
             raise ValueError(f"a value is not a number: {error}") from error
 
     def missing(self) -> list[str]:
-        """Names of the unknown parts."""
-        return [field.name for field in dataclasses.fields(self) if getattr(self, field.name) is None]
+        """Names of the unknown parts that a pose needs."""
+        return [name for name in ("et", *POSE_KEYS) if getattr(self, name) is None]
 
     def filled_from(self, other: "PartialPose") -> "PartialPose":
-        """Copy whose unknown parts are taken from `other`."""
-        gaps = {name: getattr(other, name) for name in self.missing()}
-        return dataclasses.replace(self, **gaps)
+        """Copy whose unknown parts are taken from `other`; velocities go with the position."""
+        gaps = self.missing()
+        taken = (*gaps, *(VELOCITY_KEYS if "target_from_spacecraft_km" in gaps else ()))
+        return dataclasses.replace(self, **{name: getattr(other, name) for name in taken})
 
     def completed(self) -> Pose:
         """The full Pose. Raises ValueError when a part is unknown."""
@@ -153,6 +178,12 @@ class PartialPose:
         if missing:
             raise ValueError(f"unknown parts: {', '.join(missing)}")
         return Pose(**{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+
+
+def _check_of(key: str) -> Callable[[ArrayLike, str], Any]:
+    if key in VELOCITY_KEYS:
+        return _checked_velocity
+    return checked_rotation if key.endswith("_j2000") else _checked_position
 
 
 def read_pose_file(path: Path) -> PartialPose:

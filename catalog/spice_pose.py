@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +38,10 @@ def pose_parts_from_spice(
 ) -> SpicePose:
     """Whatever parts of the pose at `et` (TDB seconds past J2000) the kernels cover.
 
-    Target from spacecraft: LT+S. Body attitude and Sun: at the time the light left the target, as SPICE's ILUMIN does;
-    `light_time_s` stands in when the trajectory is not covered. Camera: the C-kernel's attitude, mapped to the camera
-    frame. Nothing raises for lack of coverage; RefusedError for a kernel that cannot be loaded.
+    Target from spacecraft: LT+S, and with it the velocities. Body attitude and Sun: at the time the light left the
+    target, as SPICE's ILUMIN does; `light_time_s` stands in when the trajectory is not covered. Camera: the C-kernel's
+    attitude, mapped to the camera frame. Nothing raises for lack of coverage; RefusedError for a kernel that cannot be
+    loaded.
     """
     with kernel_pool(kernels) as loaded:
         return pose_parts_from_loaded(camera, target, et, loaded, light_time_s)
@@ -61,6 +63,7 @@ def pose_parts_from_loaded(
         target_from_spacecraft_km=position,
         sun_from_target_km=None if emission_et is None else _sun_from_target(target, emission_et, loaded, missing),
         body_from_j2000=None if emission_et is None else _body_from_j2000(target, emission_et, missing),
+        **_velocities(camera, target, et, None if position is None else emission_et),
     )
     return SpicePose(parts, tuple(missing), tuple(loaded))
 
@@ -83,6 +86,19 @@ def _target_from_spacecraft(
         missing.append(f"SPK: position of {target.name}, {_gap(bodies, et, loaded, error)}")
         return None, None
     return np.asarray(position), float(light_time_s)
+
+
+def _velocities(camera: Camera, target: Target, et: float, emission_et: float | None) -> dict[str, Any]:
+    """Of spacecraft and target relative to the solar system's barycentre; nothing where no trajectory is known."""
+    import spiceypy
+
+    if emission_et is None:
+        return {}
+    spacecraft, body = (
+        np.asarray(spiceypy.spkssb(naif_id, when, "J2000"))[3:]
+        for naif_id, when in ((camera.naif_spacecraft_id, et), (target.naif_id, emission_et))
+    )
+    return {"spacecraft_velocity_km_s": spacecraft, "target_velocity_km_s": body}
 
 
 def _sun_from_target(

@@ -92,7 +92,16 @@ def _pose(path: Path, header: dict[str, Any]) -> PartialPose:
         camera_from_j2000=None if j2000_from_instrument is None else _camera_from_lorri() @ j2000_from_instrument.T,
         target_from_spacecraft_km=None if spacecraft is None else -spacecraft,
         sun_from_target_km=_vector(header, ("SPCTSOX", "SPCTSOY", "SPCTSOZ")),
+        **_velocities(header),
     )
+
+
+def _velocities(header: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+    """Of spacecraft and target relative to the Sun, which moves by 0.016 km/s about the barycentre at most."""
+    spacecraft, sun = (_vector(header, (f"{key}X", f"{key}Y", f"{key}Z")) for key in ("SPCTSCV", "SPCTSOV"))
+    if spacecraft is None or sun is None:
+        return {}
+    return {"spacecraft_velocity_km_s": spacecraft - sun, "target_velocity_km_s": -sun}
 
 
 def _camera_from_lorri() -> NDArray[np.float64]:

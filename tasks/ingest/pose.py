@@ -14,7 +14,7 @@ import numpy as np
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Frame
-from catalog.pose import POSE_KEYS, PartialPose, Pose, read_pose_file
+from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose, read_pose_file
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
 
@@ -58,6 +58,8 @@ def initial_pose(
     ranked = {"file": from_file, "spice": PartialPose() if relative_label else spice.parts, "label": from_label}
     parts, sources = _best_parts(ranked)
     parts = replace(parts, et=et)
+    if sources.get("target_from_spacecraft_km") == "label":  # its own velocities, or SPICE's, serve as well
+        parts = _with_velocities(parts, spice.parts)
     if parts.body_from_j2000 is None:
         parts = _with_catalog_rotation(parts, target, sources)
     unknown = [key for key in POSE_KEYS if getattr(parts, key) is None]
@@ -104,6 +106,12 @@ def _best_parts(ranked: dict[str, PartialPose]) -> tuple[PartialPose, dict[str, 
         known_to = [name for name, candidate in ranked.items() if getattr(candidate, key) is not None]
         sources.update({key: known_to[0]} if known_to else {})
     return parts, sources
+
+
+def _with_velocities(parts: PartialPose, other: PartialPose) -> PartialPose:
+    if parts.spacecraft_velocity_km_s is not None:
+        return parts
+    return replace(parts, **{key: getattr(other, key) for key in VELOCITY_KEYS})
 
 
 def _with_catalog_rotation(parts: PartialPose, target: Target, sources: dict[str, str]) -> PartialPose:

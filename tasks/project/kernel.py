@@ -123,31 +123,59 @@ def _zenith_angle_row(px, py, pz, inverse_radii2, toward, out):  # type: ignore[
 
 
 @compiled
-def _phase_row(px, py, pz, spacecraft, sun, out):  # type: ignore[no-untyped-def]
-    ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
-    bx, by, bz = sun[0], sun[1], sun[2]
+def _emission_row(px, py, pz, inverse_radii2, apparent, dx, dy, out):  # type: ignore[no-untyped-def]
+    """Angle between the ellipsoid's outward normal and the direction from which the camera sees the point."""
+    ux, uy, uz = inverse_radii2[0], inverse_radii2[1], inverse_radii2[2]
+    vx0, vx1 = apparent[0, 0] + apparent[0, 2] * dy, apparent[0, 1]
+    vy0, vy1 = apparent[1, 0] + apparent[1, 2] * dy, apparent[1, 1]
+    vz0, vz1 = apparent[2, 0] + apparent[2, 2] * dy, apparent[2, 1]
     for i in range(out.size):
-        x, y, z = px[i], py[i], pz[i]
-        out[i] = _angle_deg(ax - x, ay - y, az - z, bx - x, by - y, bz - z)
+        x = dx + i
+        vx, vy, vz = -vx0 - vx1 * x, -vy0 - vy1 * x, -vz0 - vz1 * x
+        out[i] = _angle_deg(px[i] * ux, py[i] * uy, pz[i] * uz, vx, vy, vz)
 
 
 @compiled
-def _range_row(px, py, pz, spacecraft, out):  # type: ignore[no-untyped-def]
+def _phase_row(px, py, pz, apparent, dx, dy, sun, out):  # type: ignore[no-untyped-def]
+    bx, by, bz = sun[0], sun[1], sun[2]
+    vx0, vx1 = apparent[0, 0] + apparent[0, 2] * dy, apparent[0, 1]
+    vy0, vy1 = apparent[1, 0] + apparent[1, 2] * dy, apparent[1, 1]
+    vz0, vz1 = apparent[2, 0] + apparent[2, 2] * dy, apparent[2, 1]
+    for i in range(out.size):
+        x = dx + i
+        vx, vy, vz = -vx0 - vx1 * x, -vy0 - vy1 * x, -vz0 - vz1 * x
+        out[i] = _angle_deg(vx, vy, vz, bx - px[i], by - py[i], bz - pz[i])
+
+
+@compiled
+def _range_row(px, py, pz, spacecraft, scale, out):  # type: ignore[no-untyped-def]
     ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
     for i in range(out.size):
         x, y, z = ax - px[i], ay - py[i], az - pz[i]
-        out[i] = math.sqrt(x * x + y * y + z * z)
+        out[i] = scale * math.sqrt(x * x + y * y + z * z)
 
 
 @compiled
-def _resolution_row(px, py, pz, spacecraft, inverse_radii2, focal_length_px, out):  # type: ignore[no-untyped-def]
-    """Range / focal length / cos(emission), the cosine as (n . v) / (|n| |v|)."""
+def _turned_by_light_time_row(px, py, pz, spacecraft, sight, out):  # type: ignore[no-untyped-def]
+    """Longitudes turned by what the body turned while light passed from each point to the centre's distance."""
+    ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
+    scale, range_km, turn_deg_per_km = sight[0], sight[1], sight[2]
+    for i in range(out.size):
+        x, y, z = ax - px[i], ay - py[i], az - pz[i]
+        longitude = out[i] + turn_deg_per_km * (scale * math.sqrt(x * x + y * y + z * z) - range_km)
+        longitude = (longitude + 360.0) if longitude < 0.0 else longitude
+        out[i] = (longitude - 360.0) if longitude >= 360.0 else longitude
+
+
+@compiled
+def _resolution_row(px, py, pz, spacecraft, scale, inverse_radii2, focal_length_px, out):  # type: ignore[no-untyped-def]
+    """Range / focal length / cosine between normal and line of sight, the cosine as (n . v) / (|n| |v|)."""
     ux, uy, uz = inverse_radii2[0], inverse_radii2[1], inverse_radii2[2]
     ax, ay, az = spacecraft[0], spacecraft[1], spacecraft[2]
     for i in range(out.size):
         nx, ny, nz = px[i] * ux, py[i] * uy, pz[i] * uz
         vx, vy, vz = ax - px[i], ay - py[i], az - pz[i]
-        normal = math.sqrt(nx * nx + ny * ny + nz * nz)
+        normal = scale * math.sqrt(nx * nx + ny * ny + nz * nz)
         out[i] = (vx * vx + vy * vy + vz * vz) * normal / (focal_length_px * (nx * vx + ny * vy + nz * vz))
 
 
@@ -169,11 +197,12 @@ def _columns_on_body(conic, dx, dy, n):  # type: ignore[no-untyped-def]
 
 @compiled
 def fill_rows(  # type: ignore[no-untyped-def]
-    anchor, backward, conic, radii, spacecraft, sun, focal_length_px, dx, dy, slots, rows, out
+    anchor, backward, apparent, conic, radii, spacecraft, sun, sight, focal_length_px, dx, dy, slots, rows, out
 ):
     """Fill rows[0] to rows[1] of `out` (planes, ny, nx) for pixels at (dx + column, dy + row) from the rays' reference.
 
-    anchor, backward, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. slots: (10,), the index in
+    anchor, backward, apparent, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. sight: (3,)
+    range_scale, range_km and turn_deg_per_km of `sight.Sight`. slots: (10,), the index in
     `out` of each of `planes.KNOWN_PLANES`; -1 for those not asked for.
     """
     columns = out.shape[2]
@@ -193,16 +222,19 @@ def fill_rows(  # type: ignore[no-untyped-def]
             _latitude_row(px, py, pz, out[slots[0], row, first:last])
         if slots[1] >= 0:
             _longitude_row(px, py, out[slots[1], row, first:last])
+            if sight[2] != 0.0:
+                _turned_by_light_time_row(px, py, pz, spacecraft, sight, out[slots[1], row, first:last])
         if slots[2] >= 0:
             _zenith_angle_row(px, py, pz, inverse_radii2, sun, out[slots[2], row, first:last])
         if slots[3] >= 0:
-            _zenith_angle_row(px, py, pz, inverse_radii2, spacecraft, out[slots[3], row, first:last])
+            _emission_row(px, py, pz, inverse_radii2, apparent, dx + first, dy + row, out[slots[3], row, first:last])
         if slots[4] >= 0:
-            _phase_row(px, py, pz, spacecraft, sun, out[slots[4], row, first:last])
+            _phase_row(px, py, pz, apparent, dx + first, dy + row, sun, out[slots[4], row, first:last])
         if slots[5] >= 0:
-            _range_row(px, py, pz, spacecraft, out[slots[5], row, first:last])
+            _range_row(px, py, pz, spacecraft, sight[0], out[slots[5], row, first:last])
         if slots[6] >= 0:
-            _resolution_row(px, py, pz, spacecraft, inverse_radii2, focal_length_px, out[slots[6], row, first:last])
+            to = out[slots[6], row, first:last]
+            _resolution_row(px, py, pz, spacecraft, sight[0], inverse_radii2, focal_length_px, to)
         if slots[7] >= 0:
             out[slots[7], row, first:last] = px
         if slots[8] >= 0:

@@ -15,6 +15,7 @@ from catalog.target import Target
 from tasks.project.planes import PLANES, POINT, Array
 from tasks.project.points import latitude_longitude
 from tasks.project.rays import dot, intersect, rays_of, sun_in_radii
+from tasks.project.sight import sight_of
 
 
 def project_pixels(
@@ -25,32 +26,39 @@ def project_pixels(
 
     Raises RefusedError when the pose puts spacecraft or Sun inside the target.
     """
-    points = intersect(rays_of(pose, camera, target), xy_px)
+    rays = rays_of(pose, camera, target)
+    points = intersect(rays, xy_px)
     on_body = np.isfinite(points[..., 0])
-    values = _values(points[on_body], pose, camera, target, planes)
+    apparent = rays.apparent_at(np.asarray(xy_px, dtype=np.float64)[on_body])
+    values = _values(points[on_body], -apparent, pose, camera, target, planes)
     out = {name: np.full(on_body.shape, np.nan) for name in planes}
     for name, plane in out.items():
         plane[on_body] = values[name]
     return out
 
 
-def _values(scaled: Array, pose: Pose, camera: Camera, target: Target, planes: Sequence[str]) -> dict[str, Array]:
-    radii = np.asarray(target.radii_km)
+def _values(
+    scaled: Array, to_camera: Array, pose: Pose, camera: Camera, target: Target, planes: Sequence[str]
+) -> dict[str, Array]:
+    """Planes of points (n, 3) in units of the radii that the camera sees from the directions to_camera (n, 3)."""
+    sight, radii = sight_of(pose, target), np.asarray(target.radii_km)
     points, normal = scaled * radii, scaled / radii
-    to_spacecraft = pose.spacecraft_in_body_km - points
-    to_sun = sun_in_radii(pose, target) * radii - points
+    to_spacecraft, to_sun = sight.spacecraft_km - points, sun_in_radii(pose, target) * radii - points
+    length = np.sqrt(dot(to_spacecraft, to_spacecraft))
+    distance = sight.range_scale * length
     values = dict(zip(POINT, points.T, strict=True))
     if "latitude" in planes or "longitude" in planes:
-        values["latitude"], values["longitude"] = latitude_longitude(points)
+        values["latitude"], longitude = latitude_longitude(points)
+        turned = (longitude + sight.turn_deg_per_km * (distance[:, 0] - sight.range_km)) % 360.0
+        values["longitude"] = np.where(turned >= 360.0, 0.0, turned)
     if "incidence" in planes:
         values["incidence"] = _angle_deg(normal, to_sun)
     if "emission" in planes:
-        values["emission"] = _angle_deg(normal, to_spacecraft)
+        values["emission"] = _angle_deg(normal, to_camera)
     if "phase" in planes:
-        values["phase"] = _angle_deg(to_spacecraft, to_sun)
+        values["phase"] = _angle_deg(to_camera, to_sun)
     if "range_km" in planes or "resolution_km" in planes:
-        distance = np.sqrt(dot(to_spacecraft, to_spacecraft))
-        cosine = dot(normal, to_spacecraft) / distance / np.sqrt(dot(normal, normal))
+        cosine = dot(normal, to_spacecraft) / length / np.sqrt(dot(normal, normal))
         values["range_km"] = distance[:, 0]
         values["resolution_km"] = (distance / camera.focal_length_px / cosine)[:, 0]
     return values

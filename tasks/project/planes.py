@@ -12,6 +12,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.rays import rays_of, sun_in_radii
+from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
 Window = tuple[int, int, int, int]
@@ -98,11 +99,11 @@ def project_planes(
     KNOWN_PLANES.
 
     Paper, section 6 (with 1/r^2 on the quadric's diagonal), in closed form. The Sun is a point at its finite distance.
-    For one fixed geometry this is SPICE's SINCPT, ILUMIN and RECLAT to 1e-9 deg (`flows/benchmark.py` measures it).
-    With aberration corrections SPICE also knows what a pose does not hold: the spacecraft's true direction seen from
-    the body (the pose's is the apparent one, off by v/c) and the light time of each point instead of the centre's.
-    Measured against SINCPT + ILUMIN with LT+S, emission below 60 deg: at most 0.007 deg for Voyager 1 at Io (8e5 km),
-    0.0022 deg for Galileo at Europa (1.4e6 km), 1e-5 deg in phase.
+    Where the pose knows velocities, stellar aberration and light time are those of each pixel: SPICE's SINCPT, ILUMIN
+    and RECLAT with LT+S, to 1e-4 deg (see `sight` and tests/real/test_project_real.py; emission and phase are counted
+    from the apparent direction, as ILUMIN does, so emission may exceed 90 by v/c at the limb). Without velocities one
+    fixed geometry serves the whole disk: SPICE's to 1e-9 deg with no corrections (`flows/benchmark.py` measures it),
+    off by 0.02 deg (emission below 80 deg) from what LT+S gives.
 
     Raises RefusedError when the pose puts spacecraft or Sun inside the target; ValueError for an unknown plane or an
     empty window.
@@ -124,11 +125,12 @@ def project_planes(
 def _fill(pose: Pose, camera: Camera, target: Target, window: Window, planes: Sequence[str], out: Array) -> None:
     from tasks.project.kernel import fill_rows
 
-    rays, radii = rays_of(pose, camera, target), np.array(target.radii_km)
+    rays, sight, radii = rays_of(pose, camera, target), sight_of(pose, target), np.array(target.radii_km)
     sun_km = sun_in_radii(pose, target) * radii
     slots = np.array([planes.index(name) if name in planes else -1 for name in KNOWN_PLANES])
-    geometry = (np.ascontiguousarray(a) for a in (rays.anchor, rays.backward, rays.limb_conic))
-    fixed = (*geometry, radii, np.array(pose.spacecraft_in_body_km), sun_km, float(camera.focal_length_px))
+    geometry = (np.ascontiguousarray(a) for a in (rays.anchor, rays.backward, rays.apparent, rays.limb_conic))
+    light = np.array([sight.range_scale, sight.range_km, sight.turn_deg_per_km])
+    fixed = (*geometry, radii, np.array(sight.spacecraft_km), sun_km, light, float(camera.focal_length_px))
     ny = out.shape[1]
     dx, dy = float(window[0] - rays.reference_px[0]), float(window[1] - rays.reference_px[1])
 

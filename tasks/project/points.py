@@ -7,6 +7,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.rays import intersect, rays_of, spacecraft_in_radii, sun_in_radii
+from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
 
@@ -21,8 +22,9 @@ def body_points(pose: Pose, camera: Camera, target: Target, xy_px: ArrayLike) ->
 
 def pixels_of_points(pose: Pose, camera: Camera, points_km: ArrayLike) -> Array:
     """Undistorted pixels (..., 2) of body-fixed points (..., 3) km, hidden ones too; NaN behind the camera."""
-    from_spacecraft = np.asarray(points_km, dtype=np.float64) - pose.spacecraft_in_body_km
-    return camera.project(from_spacecraft @ pose.camera_from_body.T)
+    sight = sight_of(pose)
+    from_spacecraft = np.asarray(points_km, dtype=np.float64) - sight.spacecraft_km
+    return camera.project(from_spacecraft @ np.linalg.inv(sight.body_from_camera).T)
 
 
 def surface_points(target: Target, latitude_deg: ArrayLike, longitude_deg: ArrayLike) -> Array:

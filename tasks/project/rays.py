@@ -14,6 +14,7 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
 NEARLY_SIDEWAYS = 0.1  # cosine between boresight and target below which the frame's own plane is no use as an anchor
@@ -24,15 +25,17 @@ class Rays:
     """Lines of sight of a frame's pixels, in units of the radii, body-fixed: p(w) = anchor + w * backward.
 
     anchor, backward: (3, 3), to be multiplied by (1, x - reference_px[0], y - reference_px[1]). `backward` points to
-    the spacecraft. For a target ahead of the camera the anchor lies in the plane through the target's centre, so no
-    large numbers cancel, however far the spacecraft is: the error of p stays near 1e-15 at a range of 1e4 radii.
-    spacecraft: (3,), in units of the radii.
+    where the lines start. For a target ahead of the camera the anchor lies in the plane through the target's centre, so
+    no large numbers cancel, however far the spacecraft is: the error of p stays near 1e-15 at a range of 1e4 radii.
+    spacecraft: (3,), in units of the radii, where the lines start. apparent: (3, 3), to be multiplied likewise: the
+    direction in which the camera sees the pixel, body-fixed, not scaled by the radii, of any length.
     """
 
     anchor: Array
     backward: Array
     reference_px: Array
     spacecraft: Array
+    apparent: Array
 
     @property
     def limb_conic(self) -> Array:
@@ -42,14 +45,21 @@ class Rays:
 
     def at(self, xy_px: ArrayLike) -> tuple[Array, Array]:
         """Anchor and backward vectors, each (..., 3), of pixels (..., 2)."""
-        offset = np.asarray(xy_px, dtype=np.float64) - self.reference_px
-        basis = np.concatenate([np.ones_like(offset[..., :1]), offset], axis=-1)
+        basis = self._basis(xy_px)
         return basis @ self.anchor.T, basis @ self.backward.T
+
+    def apparent_at(self, xy_px: ArrayLike) -> Array:
+        """Directions (..., 3), body-fixed, of any length, in which the camera sees pixels (..., 2)."""
+        return self._basis(xy_px) @ self.apparent.T
+
+    def _basis(self, xy_px: ArrayLike) -> Array:
+        offset = np.asarray(xy_px, dtype=np.float64) - self.reference_px
+        return np.concatenate([np.ones_like(offset[..., :1]), offset], axis=-1)
 
 
 def spacecraft_in_radii(pose: Pose, target: Target) -> Array:
     """Spacecraft (3,), body-fixed, in units of the radii. Raises RefusedError when it lies inside the target."""
-    spacecraft = pose.spacecraft_in_body_km / np.asarray(target.radii_km)
+    spacecraft = sight_of(pose, target).spacecraft_km / np.asarray(target.radii_km)
     if spacecraft @ spacecraft <= 1.0:
         raise RefusedError(
             "spacecraft-inside-target",
@@ -73,17 +83,22 @@ def sun_in_radii(pose: Pose, target: Target) -> Array:
 
 def rays_of(pose: Pose, camera: Camera, target: Target) -> Rays:
     """Lines of sight of `camera` at `pose`. Raises RefusedError when the spacecraft is inside the target."""
-    spacecraft = spacecraft_in_radii(pose, target)
-    scaled_from_camera = pose.camera_from_body.T / np.asarray(target.radii_km)[:, None]
-    to_target = pose.target_in_camera_km
+    spacecraft, sight = spacecraft_in_radii(pose, target), sight_of(pose, target)
+    scaled_from_camera = sight.body_from_camera / np.asarray(target.radii_km)[:, None]
+    to_target = sight.target_in_camera_km
     across = scaled_from_camera[:, :2] / camera.focal_length_px
     if to_target[2] > NEARLY_SIDEWAYS * pose.range_km:
+        reference_px, ahead = camera.project(to_target), to_target / to_target[2]
         anchor = np.column_stack([np.zeros(3), across * to_target[2]])
         backward = np.column_stack([spacecraft, -across * to_target[2]])
-        return Rays(anchor, backward, camera.project(to_target), spacecraft)
-    anchor = np.column_stack([spacecraft, np.zeros((3, 2))])
-    backward = -np.column_stack([scaled_from_camera[:, 2], across])
-    return Rays(anchor, backward, np.asarray(camera.centre_px), spacecraft)
+    else:
+        reference_px, ahead = np.asarray(camera.centre_px), np.array([0.0, 0.0, 1.0])
+        anchor = np.column_stack([spacecraft, np.zeros((3, 2))])
+        backward = -np.column_stack([scaled_from_camera[:, 2], across])
+    apparent = np.column_stack(
+        [sight.apparent_from_camera @ ahead, sight.apparent_from_camera[:, :2] / camera.focal_length_px]
+    )
+    return Rays(anchor, backward, reference_px, spacecraft, apparent)
 
 
 def intersect(rays: Rays, xy_px: ArrayLike) -> Array:
