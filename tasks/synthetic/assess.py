@@ -1,0 +1,75 @@
+"""How far a pose is from the truth, and whether its stated uncertainties say so."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
+from catalog.target import Target
+from tasks.simulate.plant import pose_error
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """A pose minus the truth. centre_px: the target's centre (dx, dy); centre_error_px its length. range_error:
+    relative. attitude_deg: rotation vector in body-fixed axes; its angle, and the parts about the line of sight and
+    across it. surface_px: RMS distance between where the two poses put visible points of the surface."""
+
+    centre_px: tuple[float, float]
+    centre_error_px: float
+    range_error: float
+    attitude_deg: tuple[float, float, float]
+    attitude_error_deg: float
+    about_sight_deg: float
+    across_sight_deg: float
+    surface_px: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in asdict(self).items()}
+
+
+def assess(pose: Pose, truth: Pose, camera: Camera, target: Target) -> Assessment:
+    """Compare `pose` with `truth`. The attitude is that of the body in the camera's frame: a camera rolled and a body
+    turned about the line of sight are the same error."""
+    error = pose_error(pose, truth, camera, target)
+    in_camera = vector_deg_from_rotation(pose.camera_from_body @ truth.camera_from_body.T)
+    in_body = vector_deg_from_rotation(pose.camera_from_body.T @ truth.camera_from_body)
+    sight = truth.target_in_camera_km / truth.range_km
+    about = float(in_camera @ sight)
+    return Assessment(
+        centre_px=error.centre_px,
+        centre_error_px=float(np.hypot(*error.centre_px)),
+        range_error=error.range,
+        attitude_deg=(float(in_body[0]), float(in_body[1]), float(in_body[2])),
+        attitude_error_deg=error.attitude_deg,
+        about_sight_deg=about,
+        across_sight_deg=float(np.linalg.norm(in_camera - about * sight)),
+        surface_px=error.surface_px,
+    )
+
+
+def in_sigmas(found: Assessment, uncertainty: dict[str, Any]) -> dict[str, list[float] | None]:
+    """Errors of centre, range and attitude in units of the stated 1-sigma (keys of a result's `uncertainty`), component
+    by component; None where no uncertainty is stated."""
+    given = {
+        "centre_px": (found.centre_px, uncertainty.get("centre_px")),
+        "range_factor": ((found.range_error,), uncertainty.get("range_factor")),
+        "attitude_deg": (found.attitude_deg, uncertainty.get("attitude_deg")),
+    }
+    return {name: _ratios(errors, sigmas) for name, (errors, sigmas) in given.items()}
+
+
+def _ratios(errors: tuple[float, ...], sigmas: Any) -> list[float] | None:
+    if sigmas is None:
+        return None
+    each = np.atleast_1d(np.asarray(sigmas, dtype=np.float64))
+    if each.shape != (len(errors),) or not (np.isfinite(each) & (each > 0)).all():
+        return None
+    return [float(error / sigma) for error, sigma in zip(errors, each, strict=True)]
