@@ -17,7 +17,9 @@ def safe_product_name(name: str) -> str:
     text = text.lstrip(".-").rstrip(".")
     kept = "".join(character if character.isalnum() or character in ALLOWED else "_" for character in text)
     short = kept.encode()[:MAX_NAME_BYTES].decode("utf-8", "ignore")
-    if short == text and short and short.partition(".")[0].upper() not in RESERVED:
+    if short.partition(".")[0].upper() in RESERVED:
+        short = f"_{short}"
+    elif short and short == text:
         return short
     if not short.strip("_"):
         short = NAMELESS

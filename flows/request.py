@@ -10,6 +10,7 @@ from catalog.basemap import packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
 from catalog.digest import sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
+from catalog.safe_name import safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
 from catalog.target import TARGET_FOLDER
@@ -42,8 +43,8 @@ class Request(BaseModel):
 
     @property
     def product(self) -> str:
-        """Name of the product: the file's, without its suffix, and not hidden."""
-        return self.image.stem.lstrip(".") or "image"
+        """Name of the product: the file's, without its suffix, as a name that is safe for a folder."""
+        return safe_product_name(self.image.stem)
 
     @property
     def product_folder(self) -> Path:

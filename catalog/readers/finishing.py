@@ -14,6 +14,7 @@ from catalog.pose import PartialPose
 from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.reading import Reading
+from catalog.safe_name import safe_product_name
 
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
@@ -29,7 +30,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         _check_size(path, reading, camera)
         reading = _in_its_units(reading, camera)
     return Frame(
-        product=path.stem,
+        product=safe_product_name(path.stem),
         path=path,
         sha256=sha256_of_file(path),
         format=reading.format,
