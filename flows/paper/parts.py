@@ -6,6 +6,10 @@ from flows.paper.section import Part
 
 PARTS: dict[str, str] = {
     "table1": "flows.paper.table1",
+    "reseau": "flows.paper.reseau",
+    "flow": "flows.paper.flow",
+    "projection": "flows.paper.projection",
+    "methods": "flows.paper.methods",
     "published": "flows.paper.published",
 }
 

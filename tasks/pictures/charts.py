@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
 Pair = tuple[float, float]
 FLOOR_PX = 4e-4
+MARKERS = ("o", "s", "^", "v", "D", "P", "X", "*")
 
 
 def offsets_figure(planted_px: Pair, ours: Mapping[str, Pair], paper: Mapping[str, Pair]) -> "Figure":
@@ -58,4 +59,23 @@ def histograms_figure(
     for spare in panels[len(groups) :]:
         spare.set_axis_off()
     panels[0].set_ylabel("images")
+    return figure
+
+
+def centres_figure(centres: Mapping[str, Mapping[str, Sequence[float]]], reference: str) -> "Figure":
+    """One panel per image: where each method puts the disk's centre, relative to the method `reference`."""
+    figure, panels = canvas(1, max(len(centres), 1), (3.3, 3.3))
+    for panel, (title, own) in zip(panels, centres.items(), strict=True):
+        origin = np.array(own.get(reference, next(iter(own.values()), (0.0, 0.0))))
+        for (method, centre), color, marker in zip(own.items(), CYCLE * 2, MARKERS, strict=False):
+            x, y = np.array(centre) - origin
+            panel.plot(x, y, marker, color=color, markersize=7, label=method, linestyle="")
+        panel.set_title(title, fontsize=9)
+        panel.set_aspect("equal", adjustable="datalim")
+        panel.invert_yaxis()
+        panel.grid(color="0.9")
+        panel.set_xlabel("x, px")
+        bare(panel)
+    panels[0].set_ylabel("y, px")
+    panels[-1].legend(fontsize=7, loc="best")
     return figure
