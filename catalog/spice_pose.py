@@ -150,14 +150,16 @@ def _camera_from_j2000(camera: Camera, et: float, missing: list[str]) -> NDArray
         missing.append(f"CK: orientation of {platform} at {utc_from_et(et)}, within {camera.ck_tolerance_s:g} s")
         return None
     try:
-        instrument_from_platform = _instrument_from_platform(camera, et)
+        of_instrument = instrument_from_platform(camera, et)
     except SpiceyError as error:
         missing.append(f"FK: {camera.instrument_frame} relative to {platform}: {spice_message(error)}")
         return None
-    return np.asarray(camera.camera_from_instrument, float) @ instrument_from_platform @ platform_from_j2000
+    return np.asarray(camera.camera_from_instrument, float) @ of_instrument @ platform_from_j2000
 
 
-def _instrument_from_platform(camera: Camera, et: float) -> NDArray[np.float64]:
+def instrument_from_platform(camera: Camera, et: float) -> NDArray[np.float64]:
+    """Rotation (3, 3) from the mission's platform frame to the instrument frame, by the loaded FK; SpiceyError when it
+    does not know them. The identity for a camera that hangs on the platform itself."""
     import spiceypy
 
     if camera.instrument_frame is None:
