@@ -18,7 +18,7 @@ from tasks.undistort.model import Identity
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
 
-CORRECTIONS = ("point", "range", "attitude")
+CORRECTIONS = ("point", "roll", "range", "attitude")
 LIBRARIES = (
     "planetpose",
     "numpy",

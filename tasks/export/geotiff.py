@@ -1,0 +1,73 @@
+"""Maps as GeoTIFF and Cloud Optimized GeoTIFF, by GDAL."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tasks.atomic import file_put_in_place
+from tasks.export.map_image import LAYERS, MapImage
+from tasks.export.source import Source
+
+BLOCK_PX = 256
+UNITS = {"image": "", "incidence": "degree", "emission": "degree", "phase": "degree"}
+
+
+def write_geotiff(source: Source, mapped: MapImage, path: Path, cloud_optimized: bool = False) -> Path:
+    """Write one float32 band per layer, named, with NaN as nodata and the body's CRS, and return `path`.
+    cloud_optimized: tiles and overviews in the order that readers over HTTP want."""
+    import rasterio
+    from rasterio.io import MemoryFile
+    from rasterio.shutil import copy
+
+    rows, columns = mapped.grid.shape
+    profile: dict[str, Any] = {
+        "driver": "GTiff",
+        "count": len(LAYERS),
+        "dtype": "float32",
+        "height": rows,
+        "width": columns,
+        "crs": rasterio.crs.CRS.from_wkt(mapped.grid.projection.crs.to_wkt("WKT2_2019")),
+        "transform": mapped.grid.transform,
+        "nodata": float("nan"),
+    }
+    tiled = {"tiled": True, "blockxsize": BLOCK_PX, "blockysize": BLOCK_PX, "compress": "deflate", "predictor": 3}
+    with file_put_in_place(path) as temporary:
+        if not cloud_optimized:
+            with rasterio.open(temporary, "w", **profile, **tiled) as file:
+                _fill(file, source, mapped)
+            return path
+        with MemoryFile() as memory:
+            with memory.open(**profile) as file:
+                _fill(file, source, mapped)
+            options = {
+                "blocksize": BLOCK_PX,
+                "compress": "deflate",
+                "predictor": "yes",
+                "overview_resampling": "average",
+            }
+            with memory.open() as file:
+                copy(file, str(temporary), driver="COG", **options)
+    return path
+
+
+def _fill(file: Any, source: Source, mapped: MapImage) -> None:
+    for band, name in enumerate(LAYERS, start=1):
+        file.write(mapped.layers[name].astype(np.float32, copy=False), band)
+        file.set_band_description(band, name)
+        file.set_band_unit(band, UNITS[name])
+    file.update_tags(**map_attributes(source, mapped))
+
+
+def map_attributes(source: Source, mapped: MapImage) -> dict[str, str]:
+    """Who made the map of what, as text."""
+    cube = source.attributes
+    named = {key: str(cube[key]) for key in ("product", "target", "camera", "utc", "source") if key in cube}
+    return {
+        **named,
+        "projection": mapped.grid.projection.name,
+        "latitude": "planetocentric",
+        "longitude": "positive eastward",
+        "resampling": mapped.kernel,
+        "max_emission_deg": f"{mapped.max_emission_deg:g}",
+    }

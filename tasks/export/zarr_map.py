@@ -1,0 +1,45 @@
+"""Maps as Zarr: CF coordinates in metres, a CF grid mapping with WKT, and GDAL's GeoTransform."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tasks.atomic import folder_put_in_place
+from tasks.export.geotiff import map_attributes
+from tasks.export.map_image import LAYERS, MapImage
+from tasks.export.source import Source
+from tasks.publish.cube import CONVENTIONS, compressor, write_group
+from tasks.publish.variables import BY_NAME
+
+GRID_MAPPING = "spatial_ref"  # the name that rioxarray and GDAL look for
+CHUNK_PX = 1024
+
+
+def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
+    """Write the layers over (y, x) as a Zarr v3 group and return `path`."""
+    import xarray as xr
+
+    grid = mapped.grid
+    layers = {name: (("y", "x"), mapped.layers[name], _attributes(name)) for name in LAYERS}
+    crs = grid.projection.crs
+    spatial_ref = {**crs.to_cf(), "GeoTransform": " ".join(repr(value) for value in grid.transform.to_gdal())}
+    coordinates = {
+        "x": ("x", grid.x_m(), {"standard_name": "projection_x_coordinate", "units": "m", "axis": "X"}),
+        "y": ("y", grid.y_m(), {"standard_name": "projection_y_coordinate", "units": "m", "axis": "Y"}),
+        GRID_MAPPING: ((), np.int32(0), spatial_ref),
+    }
+    attributes = {"Conventions": CONVENTIONS, "title": f"Map of {source.product}", **map_attributes(source, mapped)}
+    dataset = xr.Dataset(layers, coordinates, attributes)
+    chunks = tuple(min(CHUNK_PX, n) for n in grid.shape)
+    encoding: dict[str, dict[str, Any]] = {name: {"chunks": chunks, "compressors": [compressor()]} for name in LAYERS}
+    with folder_put_in_place(path) as temporary:
+        temporary.rmdir()
+        write_group(dataset, temporary, encoding)
+    return path
+
+
+def _attributes(name: str) -> dict[str, Any]:
+    kept = ("long_name", "units", "standard_name")
+    known = {key: value for key, value in BY_NAME[name].attributes.items() if key in kept}
+    return {**known, "grid_mapping": GRID_MAPPING}
