@@ -21,7 +21,7 @@ from tasks.synthetic.detector import (
 )
 from tasks.synthetic.errors import PlantedErrors, drawn_errors
 from tasks.synthetic.optics import TrueOptics, nominal_optics, true_optics
-from tasks.synthetic.picture import picture_of
+from tasks.synthetic.picture import Picture, picture_of
 from tasks.synthetic.randomness import generator
 from tasks.synthetic.surface import TrueSurface, matched_surface, mismatched_surface
 
@@ -44,9 +44,11 @@ class TrueImage:
 
 @dataclass(frozen=True)
 class Synthetic:
-    """A made image. predicted: the wrong pose; facts: all that was planted, as plain JSON values."""
+    """A made image. picture: without distortion and detector; predicted: the wrong pose; facts: all that was planted,
+    as plain JSON values."""
 
     image: TrueImage
+    picture: Picture
     recorded: Recorded
     predicted: Pose
     errors: PlantedErrors
@@ -92,7 +94,7 @@ def synthesise(image: TrueImage, seed: int, basemap: BaseMap | None = None, matc
         "detector": sent.facts,
         "pose": image.pose.to_dict(),
     }
-    return Synthetic(image, sent, errors.predicted(image.pose, camera), errors, optics, facts)
+    return Synthetic(image, picture, sent, errors.predicted(image.pose, camera), errors, optics, facts)
 
 
 def _geometry(image: TrueImage) -> dict[str, Any]:
