@@ -21,7 +21,7 @@ from tasks.step import run
 from tasks.synthetic.assess import Assessment, assess, in_sigmas
 
 Row = dict[str, Any]
-POSE_STEPS = ("pose", "point", "range", "attitude", "refine")
+POSE_STEPS = ("pose", "point", "roll", "range", "attitude", "refine")
 
 
 @dataclass(frozen=True)

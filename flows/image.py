@@ -11,6 +11,7 @@ from flows.chain import Chain
 from flows.profile import CORRECTIONS
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
 from flows.result import result_of
+from flows.settling import settled
 from flows.verdict import believe
 
 STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
@@ -30,32 +31,6 @@ def correct_image(chain: Chain) -> None:
             break
     believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
     publish(chain, latest, scene, basemap)
-
-
-def settled(chain: Chain, number: int) -> bool:
-    """Whether pass `number` changed nothing that matters, or no more than half its error: then another would not."""
-    profile = chain.request.profile
-    still = profile.still
-    results = [chain.records[f"{correction}-{number}"].result for correction in profile.corrections(number)]
-    return (
-        _small(results, "offset_px", 0.0, still.offset_px)
-        and _small(results, "range_factor", 1.0, still.range_factor)
-        and _small(results, "attitude_deg", 0.0, still.attitude_deg)
-    )
-
-
-def _small(results: list[dict[str, Any]], key: str, neutral: float, limit: float) -> bool:
-    """Whether every step's change of `key` is within `limit` of `neutral`, or within half of its own error."""
-    for result in results:
-        changes, errors = (_as_list(result[kind].get(key)) for kind in ("changed", "uncertainty"))
-        errors = errors or [0.0] * len(changes)
-        if any(abs(c - neutral) > max(limit, e / 2) for c, e in zip(changes, errors, strict=True)):
-            return False
-    return True
-
-
-def _as_list(value: Any) -> list[float]:
-    return [] if value is None else list(value) if isinstance(value, list) else [value]
 
 
 def ingest(chain: Chain) -> dict[str, Any]:

@@ -11,14 +11,17 @@ from catalog.errors import RefusedError
 from tasks.attitude import AttitudeSettings
 from tasks.point import PointSettings
 from tasks.range import RangeSettings
+from tasks.roll import RollSettings
 from tasks.simulate import SceneSettings
 from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
 DEFAULT_PROFILE = "standard"
-CorrectionName = Literal["point", "range", "attitude"]
-CORRECTIONS: tuple[CorrectionName, ...] = ("point", "range", "attitude")
+CorrectionName = Literal["point", "roll", "range", "attitude"]
+CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude")
+# What a pass does unless the profile says otherwise; the paper's order.
+USUAL: tuple[CorrectionName, ...] = ("point", "range", "attitude")
 
 
 class AcceptSettings(BaseModel):
@@ -43,25 +46,29 @@ class StillSettings(BaseModel):
 
 
 class LaterPasses(BaseModel):
-    """The second pass and those after it. steps: their corrections, in this order. point, range, attitude: settings;
-    None keeps those of the first pass."""
+    """The second pass and those after it. steps: their corrections, in this order. point, roll, range, attitude:
+    settings; None keeps those of the first pass."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    steps: tuple[CorrectionName, ...] = Field(CORRECTIONS, min_length=1)
+    steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
     point: PointSettings | None = None
+    roll: RollSettings | None = None
     range: RangeSettings | None = None
     attitude: AttitudeSettings | None = None
 
 
 class Profile(BaseModel):
-    """The settings of all steps. passes: how often, at most, point, range and attitude are done in turn."""
+    """The settings of all steps. passes: how often, at most, the corrections are done in turn. steps: the first pass's
+    corrections, in this order."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field(DEFAULT_PROFILE, min_length=1)
     passes: int = Field(2, ge=1, le=20)
+    steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
     undistort: UndistortSettings = UndistortSettings()
     simulate: SceneSettings = SceneSettings()
     point: PointSettings = PointSettings()
+    roll: RollSettings = RollSettings()
     range: RangeSettings = RangeSettings()
     attitude: AttitudeSettings = AttitudeSettings()
     later: LaterPasses = LaterPasses()
@@ -75,7 +82,7 @@ class Profile(BaseModel):
 
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
         """The corrections of pass `number`, in the order of doing."""
-        return CORRECTIONS if number == 1 else self.later.steps
+        return self.steps if number == 1 else self.later.steps
 
     def settings_of(self, step: str, number: int = 1) -> dict[str, Any]:
         """Settings of one step in pass `number` as plain JSON."""

@@ -5,6 +5,7 @@ from typing import Any
 
 from catalog.errors import PlanetposeError
 from flows.chain import Chain
+from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
 
 EMPTY: dict[str, Any] = {
@@ -20,7 +21,15 @@ EMPTY: dict[str, Any] = {
     "offset_px": None,
     "range_factor": None,
     "attitude_deg": None,
-    "uncertainty": {"centre_px": None, "offset_px": None, "range_factor": None, "attitude_deg": None},
+    "roll_deg": None,
+    "uncertainty": {
+        "centre_px": None,
+        "offset_px": None,
+        "range_factor": None,
+        "attitude_deg": None,
+        "roll_deg": None,
+    },
+    "settled": {"passes": None, "pose": None, "attitude": None},
     "limb_rms_px": None,
     "limb_points": None,
     "similarity": {"before": None, "after": None},
@@ -36,7 +45,7 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
     result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
-    result |= verdict(error, doubts(chain)) | known_before_correction(chain)
+    result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
     seconds = {name: record.seconds for name, record in chain.records.items()}

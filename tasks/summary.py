@@ -10,6 +10,7 @@ from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
 from tasks.plain import plain
 
+KINDS = ("offset_px", "range_factor", "attitude_deg", "roll_deg")
 Corrections = Mapping[str, Mapping[str, Any]]
 
 
@@ -18,11 +19,13 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
 
     centre_px: target's centre under the corrected pose, undistorted frame. offset_px: that minus the predicted centre
     (None when the predicted target is behind the camera). range_factor: corrected by predicted distance. attitude_deg:
-    rotation vector of the body's turn, in its own frame; None when no step could determine it. corrections: results of
-    the steps `point-1`, `range-1` ... in the order of doing; the last one of a kind gives the uncertainty.
+    rotation vector of the body's turn, in its own frame; None when no step could determine it. roll_deg: how far the
+    camera was turned about the line of sight, from +x towards +y of the picture; None when no step looked for it or
+    could tell. corrections: results of the steps `point-1`, `range-1` ... in the order of doing; the last one of a kind
+    gives the uncertainty.
     """
     centre, predicted = (camera.project(pose.target_in_camera_km) for pose in (after, before))
-    sigma = {key: last_uncertainty(corrections, key) for key in ("offset_px", "range_factor", "attitude_deg")}
+    sigma = {key: last_uncertainty(corrections, key) for key in KINDS}
     # The body frame after is R^T times the one before, R the turn of the body in its own frame.
     turn = vector_deg_from_rotation((after.body_from_j2000 @ before.body_from_j2000.T).T)
     offset = centre - predicted
@@ -31,9 +34,17 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
         "offset_px": plain(offset) if np.isfinite(offset).all() else None,
         "range_factor": after.range_km / before.range_km,
         "attitude_deg": plain(turn) if determined(corrections, "attitude_deg") else None,
+        "roll_deg": rolled_deg(corrections),
         "uncertainty": {"centre_px": sigma["offset_px"], **sigma},
         "pose": after.to_dict(),
     }
+
+
+def rolled_deg(corrections: Corrections) -> float | None:
+    """All rolls of the camera together, None when no step determined one."""
+    rolls = [result["changed"].get("roll_deg") for result in corrections.values()]
+    known = [float(roll) for roll in rolls if roll is not None]
+    return sum(known) if known else None
 
 
 def determined(corrections: Corrections, key: str) -> bool:

@@ -69,7 +69,7 @@ def test_zarr_is_known_only_to_the_publisher_and_the_store_of_steps() -> None:
 def test_every_step_that_the_chain_names_has_a_body() -> None:
     text = (ROOT / "flows/image.py").read_text()
     bodies = set(re.findall(r'"(tasks\.[\w.]+)"', text)) | {
-        f"tasks.{name}.step" for name in ("point", "range", "attitude")
+        f"tasks.{name}.step" for name in ("point", "roll", "range", "attitude")
     }
     assert len(bodies) >= 8
     for body in bodies:

@@ -28,7 +28,8 @@ ARGUMENTS = [
 ]  # fmt: skip
 KEYS = [
     "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "centre_px", "offset_px",
-    "range_factor", "attitude_deg", "uncertainty", "limb_rms_px", "limb_points", "similarity", "pose", "cube",
+    "range_factor", "attitude_deg", "roll_deg", "uncertainty", "settled", "limb_rms_px", "limb_points", "similarity",
+    "pose", "cube",
     "overlay", "seconds", "cached",
 ]  # fmt: skip
 

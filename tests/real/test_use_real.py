@@ -23,7 +23,8 @@ pytestmark = pytest.mark.real
 EUROPA = "galileo/C0552809300R.IMG"
 KEYS = [
     "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "centre_px", "offset_px",
-    "range_factor", "attitude_deg", "uncertainty", "limb_rms_px", "limb_points", "similarity", "pose", "cube",
+    "range_factor", "attitude_deg", "roll_deg", "uncertainty", "settled", "limb_rms_px", "limb_points", "similarity",
+    "pose", "cube",
     "overlay", "seconds", "cached",
 ]  # fmt: skip
 PLANTED = {"offset_px": (23.4, -31.7), "range_factor": 1.004, "attitude_deg": (0.5, -0.4, 0.6)}
