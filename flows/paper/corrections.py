@@ -16,6 +16,12 @@ STORE, POSES = "paper", "poses"
 Result = dict[str, Any]
 
 
+def there(context: Context) -> list[str]:
+    """Names of the real images whose files are in the data folder."""
+    images = (context.data or Path()) / "images"
+    return [name for name, image in REAL_IMAGES.items() if context.data and (images / image.file).is_file()]
+
+
 def method_profile(method: str) -> Profile:
     """The paper's profile with another registration; the second pass is pointing alone, by the same."""
     paper = find_profile("paper")

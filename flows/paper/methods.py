@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from flows.paper.corrections import corrected, method_profile
+from flows.paper.corrections import corrected, method_profile, there
 from flows.paper.section import NO_DATA, Cell, Context, Picture, Section, Table
 from flows.profile import find_profile
 from flows.verdict import PUBLISHED
@@ -27,14 +27,14 @@ TEXT = (
 
 def methods(context: Context) -> Section:
     """Centre, range factor, limb and time, of every image by every method."""
-    if context.data is None or not (context.data / "images").is_dir():
+    products = there(context)
+    if not products:
         return Section(NAME, TITLE, missing=NO_DATA)
     profiles = {method: method_profile(method) for method in sorted(REGISTRATIONS)}
     profiles[STANDARD] = find_profile(STANDARD)
     found = {
         product: {method: corrected(context, product, profile) for method, profile in profiles.items()}
-        for product, image in REAL_IMAGES.items()
-        if (context.data / "images" / image.file).is_file()
+        for product in products
     }
     centres = {
         REAL_IMAGES[product].title: {m: r["centre_px"] for m, r in own.items() if r["centre_px"]}

@@ -7,8 +7,11 @@ from flows.paper.section import Part
 PARTS: dict[str, str] = {
     "table1": "flows.paper.table1",
     "reseau": "flows.paper.reseau",
+    "table2": "flows.paper.table2",
     "flow": "flows.paper.flow",
     "projection": "flows.paper.projection",
+    "similarity": "flows.paper.similarity",
+    "limb": "flows.paper.limb",
     "methods": "flows.paper.methods",
     "published": "flows.paper.published",
 }
