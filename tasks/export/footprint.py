@@ -38,7 +38,8 @@ def footprint(source: Source) -> tuple[dict[str, Any], list[float], View]:
 
     latitude = 90 - STEP_DEG * (np.arange(round(180 / STEP_DEG)) + 0.5)
     longitude = -180 + STEP_DEG * (np.arange(round(360 / STEP_DEG)) + 0.5)
-    seen = seen_places(source, *np.broadcast_arrays(latitude[:, None], longitude[None]), MAX_EMISSION_DEG)
+    longitudes, latitudes = np.meshgrid(longitude, latitude)
+    seen = seen_places(source, latitudes, longitudes, MAX_EMISSION_DEG)
     mask = np.isfinite(seen["emission"])
     if not mask.any():
         raise RefusedError(

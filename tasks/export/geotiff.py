@@ -62,7 +62,9 @@ def _fill(file: Any, source: Source, mapped: MapImage) -> None:
 def map_attributes(source: Source, mapped: MapImage) -> dict[str, str]:
     """Who made the map of what, as text."""
     cube = source.attributes
-    named = {key: str(cube[key]) for key in ("product", "target", "camera", "utc", "source") if key in cube}
+    named: dict[str, str] = {
+        key: str(cube[key]) for key in ("product", "target", "camera", "utc", "source") if key in cube
+    }
     return {
         **named,
         "projection": mapped.grid.projection.name,

@@ -35,17 +35,16 @@ class MapProjection:
 
     def latitude_longitude(self, x_m: Array, y_m: Array) -> tuple[Array, Array]:
         """Planetocentric latitude and east longitude, degrees, of places on the map; NaN where it shows nothing."""
-        longitude, latitude = self._to_body().transform(x_m, y_m, errcheck=False)
-        known = np.isfinite(longitude) & np.isfinite(latitude)
-        return np.where(known, latitude, np.nan), np.mod(np.where(known, longitude, np.nan), 360.0)
+        longitude, latitude = _finite_or_nan(self._to_body().transform(x_m, y_m))
+        return latitude, longitude % 360.0
 
     def map_place(self, latitude_deg: Array, longitude_deg: Array) -> tuple[Array, Array]:
         """x and y, metres, of places on the body; NaN where the projection cannot show them."""
         from pyproj.enums import TransformDirection
 
-        x, y = self._to_body().transform(longitude_deg, latitude_deg, direction=TransformDirection.INVERSE)
-        known = np.isfinite(x) & np.isfinite(y)
-        return np.where(known, x, np.nan), np.where(known, y, np.nan)
+        places = self._to_body().transform(longitude_deg, latitude_deg, direction=TransformDirection.INVERSE)
+        x, y = _finite_or_nan(places)
+        return x, y
 
     def _to_body(self) -> "Transformer":
         from pyproj import Transformer
@@ -76,11 +75,20 @@ class MapGrid:
 
     def x_m(self, per_pixel: int = 1) -> Array:
         """x of the centres of columns, or of `per_pixel` parts of each."""
-        return self.x0_m + (np.arange(self.shape[1] * per_pixel) + 0.5) * (self.step_m / per_pixel)
+        centres: Array = np.arange(self.shape[1] * per_pixel, dtype=np.float64) + 0.5
+        return self.x0_m + centres * (self.step_m / per_pixel)
 
     def y_m(self, per_pixel: int = 1) -> Array:
         """y of the centres of rows, or of `per_pixel` parts of each."""
-        return self.y0_m - (np.arange(self.shape[0] * per_pixel) + 0.5) * (self.step_m / per_pixel)
+        centres: Array = np.arange(self.shape[0] * per_pixel, dtype=np.float64) + 0.5
+        return self.y0_m - centres * (self.step_m / per_pixel)
+
+
+def _finite_or_nan(pair: tuple[Array, Array]) -> Array:
+    """Two coordinates (2, ...), both NaN where either is infinite, which is PROJ's word for nowhere."""
+    values: Array = np.stack([np.asarray(part, dtype=np.float64) for part in pair])
+    values[:, ~np.isfinite(values).all(axis=0)] = np.nan
+    return values
 
 
 def body_crs(target: Target) -> "CRS":

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from tasks.export.map_grid import Array, MapGrid, MapProjection, grid_of, map_projection
+from tasks.export.map_grid import Array, Bounds, MapGrid, MapProjection, grid_of, map_projection
 from tasks.export.source import Source
 from tasks.project.pixels import project_pixels
 from tasks.project.points import latitude_longitude, pixels_of_points, surface_points, visible
@@ -78,7 +78,7 @@ def finest_resolution_km(source: Source) -> float:
     return above_km / source.camera.focal_length_px
 
 
-def reach_of_image(source: Source, projection: MapProjection, max_emission_deg: float) -> tuple[float, ...]:
+def reach_of_image(source: Source, projection: MapProjection, max_emission_deg: float) -> Bounds:
     """(x0, y0, x1, y1) of what the image shows, metres. Raises RefusedError when it shows nothing."""
     x0, y0, x1, y1 = projection.extent_m
     x, y = np.linspace(x0, x1, PROBE), np.linspace(y0, y1, PROBE)
