@@ -1,7 +1,7 @@
 """The pose that the metadata claim, each part from the best source that knows it: pose file, SPICE, label.
 
 One exception: an orientation that was built from a label's scalars (centre line and sample, north azimuth) only means
-something together with the label's own distance and sub-spacecraft point, so then every part is the label's.
+something together with the label's own distance and sub-spacecraft point, so then every part but the Sun is the label's.
 """
 
 from collections.abc import Iterable
@@ -55,7 +55,9 @@ def initial_pose(
     from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
     spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, from_label))
     relative_label = is_relative and from_file.camera_from_j2000 is None and spice.parts.camera_from_j2000 is None
-    ranked = {"file": from_file, "spice": PartialPose() if relative_label else spice.parts, "label": from_label}
+    # Only the Sun does not hang on how the label has the target, and SPICE knows it better than the label's digits.
+    from_spice = PartialPose(sun_from_target_km=spice.parts.sun_from_target_km) if relative_label else spice.parts
+    ranked = {"file": from_file, "spice": from_spice, "label": from_label}
     parts, sources = _best_parts(ranked)
     parts = replace(parts, et=et)
     if sources.get("target_from_spacecraft_km") == "label":  # its own velocities, or SPICE's, serve as well
