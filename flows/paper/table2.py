@@ -37,6 +37,7 @@ TEXT = (
 
 def table2(context: Context) -> Section:
     """Statistics per camera of the paper, its supplement and the evaluation."""
+    evaluated = by_profile(read_evaluation(context.evaluation)) if context.evaluation else {}
     kdist = factors_of_supplement()
     content: dict[str, Any] = {
         "paper_offsets_px": {camera: dict(zip(("length", "x", "y"), own, strict=True))
@@ -189,5 +190,7 @@ def factor_picture(context: Context, name: str, factors: Mapping[str, Sequence[f
     """Histograms of range factors, per camera."""
     values = [value for own in factors.values() for value in own]
     low, high = min(0.984, *values), max(1.002, *values)
-    figure = histograms_figure(factors, "range factor", np.linspace(low, high, 19).tolist(), columns=4, mark=1.0)
+    width = max(round((high - low) / 20, 3), 0.001)
+    bins = np.arange(low - width / 2, high + width, width).tolist()
+    figure = histograms_figure(factors, "range factor", bins, columns=4, mark=1.0)
     return Picture(context.save(figure, name), f"{caption}; dotted: 1.", "figure 12")
