@@ -48,15 +48,14 @@ def table2(context: Context) -> Section:
     pictures = [factor_picture(context, "table2-kdist", kdist, "Range factors of the supplement")]
     compared: list[Compared] = []
     text = list(TEXT)
-    if context.evaluation is None:
+    if not evaluated:
         text.append("No evaluation was given, so there are no offsets of ours here.")
-    else:
-        for profile, rows in by_profile(read_evaluation(context.evaluation)).items():
-            found = offsets(rows)
-            content.setdefault("evaluation", {})[profile] = {camera: camera_entry(own) for camera, own in found.items()}
-            compared += compare(profile, found)
-            tables.append(evaluation_table(profile, found))
-            pictures += evaluation_pictures(context, profile, found)
+    for profile, rows in evaluated.items():
+        found = offsets(rows)
+        content.setdefault("evaluation", {})[profile] = {camera: camera_entry(own) for camera, own in found.items()}
+        compared += compare(profile, found)
+        tables.append(evaluation_table(profile, found))
+        pictures += evaluation_pictures(context, profile, found)
     return Section(NAME, TITLE, content, compared, tables, pictures, text)
 
 
