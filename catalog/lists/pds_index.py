@@ -13,11 +13,12 @@ from catalog.lists.model import ImageEntry
 from catalog.lists.tables import Row
 from catalog.readers.label_values import middle_et, number, text
 from catalog.readers.names import camera_of_names, instrument_names, target_of_label
-from catalog.readers.pds3_label import MAX_LABEL_BYTES
+from catalog.readers.pds3_label import MAX_LABEL_BYTES, PARSER_FAULTS, check_size_of_label
 from catalog.safe_name import safe_product_name
 from catalog.times import et_from_utc, utc_from_et
 
 MAX_ROW_BYTES = 100_000
+LONGER = 5  # times an image's label
 IMAGE_SUFFIX = {".LBL": ".IMG", ".lbl": ".img"}
 SUFFIX_OF_CAMERA = {"newhorizons-lorri": ".fit"}
 TIMES = ("IMAGE_MID_TIME", "MID_TIME", "IMAGE_TIME", "START_TIME")
@@ -66,11 +67,13 @@ def _parsed(path: Path) -> Any:
         import pvl
         from pvl.exceptions import LexerError, ParseError, QuantityError
 
-    if not path.is_file() or path.stat().st_size > MAX_LABEL_BYTES:
+    if not path.is_file() or path.stat().st_size > LONGER * MAX_LABEL_BYTES:
         raise unusable(path, "there is no label of a sane size", "Check the path.")
+    content = path.read_bytes().decode("latin-1")
     try:
-        return pvl.loads(path.read_bytes().decode("latin-1"))
-    except (LexerError, ParseError, QuantityError, ValueError, TypeError, IndexError, OverflowError) as error:
+        check_size_of_label(content, LONGER)
+        return pvl.loads(content)
+    except (LexerError, ParseError, QuantityError, *PARSER_FAULTS) as error:
         raise unusable(path, f"no PDS3 label ({error})") from error
 
 

@@ -11,7 +11,7 @@ from catalog.readers.finishing import frame_of_reading
 from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
 from catalog.readers.picture import PictureReader
-from catalog.readers.reading import HEAD_BYTES, Reader
+from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
 from catalog.readers.vicar import VicarReader
 
 READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader())
@@ -53,6 +53,9 @@ def _head(path: Path) -> bytes:
             raise RefusedError("image-missing", f"image {path} does not exist.", remedy)
         if not path.is_file():
             raise RefusedError("image-unreadable", f"image {path} is no regular file.", remedy)
+        if path.stat().st_size > MAX_FILE_BYTES:
+            fault = f"image {path} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}."
+            raise RefusedError("image-too-large", fault, "Give a single frame.")
         with path.open("rb") as file:
             return file.read(HEAD_BYTES)
     except (OSError, ValueError) as error:

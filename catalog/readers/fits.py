@@ -22,8 +22,10 @@ from catalog.readers.names import instrument_names, target_of_label
 from catalog.readers.reading import Reading, checked_shape, unreadable
 
 MAX_HEADER_BYTES = 2_000_000
+MAX_HDUS = 100
 NOISE_NAMES = ("NOISE", "ERROR", "ERR", "SIGMA", "UNCERT")
 ALL_BITS = sum(Quality)
+REMEDY_COMPRESSED = "Unpack it, for example with `funpack`."
 REMEDY_2D = "Give a file with one two-dimensional image."
 
 
@@ -59,15 +61,21 @@ def _contents(path: Path) -> tuple[dict[str, Any], NDArray[Any], dict[str, NDArr
 
 
 def _images(path: Path, hdus: Any) -> tuple[dict[str, Any], NDArray[Any], dict[str, NDArray[Any]]]:
+    from astropy.io import fits
+
     header: dict[str, Any] = {}
     image: NDArray[Any] | None = None
     extensions: dict[str, NDArray[Any]] = {}
-    for hdu in hdus:
+    for place, hdu in enumerate(hdus):
+        if place >= MAX_HDUS:
+            raise unreadable(path, f"it has more than {MAX_HDUS} extensions", REMEDY_2D)
         keywords = {key: value for key, value in hdu.header.items() if key not in ("", "COMMENT", "HISTORY")}
         if image is None:
             header = {**header, **keywords}
         if not getattr(hdu, "is_image", False) or hdu.header.get("NAXIS", 0) == 0:
             continue
+        if isinstance(hdu, fits.CompImageHDU):
+            raise RefusedError("image-compressed", f"image {path}: its FITS image is compressed.", REMEDY_COMPRESSED)
         if image is None:
             image = _plane(path, hdu)
         elif hdu.header.get("NAXIS") == 2 and (hdu.header["NAXIS2"], hdu.header["NAXIS1"]) == image.shape:

@@ -15,6 +15,7 @@ from catalog.readers.pds3_label import parse_label
 from catalog.readers.reading import Reading, unreadable
 
 MAX_FILE_BYTES = 10_000_000
+MAX_RECORDS = 10_000
 MAX_LABEL_RECORDS = 500
 MAX_LINE_BYTES = 2048
 FRAME = (800, 800)
@@ -57,9 +58,12 @@ def _records(path: Path) -> list[bytes]:
     if size > MAX_FILE_BYTES:
         raise unreadable(path, f"{size} bytes are too many for a compressed Voyager image")
     content = path.read_bytes()
-    records, offset = [], 0
+    records: list[bytes] = []
+    offset = 0
     while offset + 2 <= size:
         length = int.from_bytes(content[offset : offset + 2], "little")
+        if len(records) >= MAX_RECORDS:
+            raise unreadable(path, f"it has more than {MAX_RECORDS} records")
         if offset + 2 + length > size:
             raise unreadable(path, f"truncated: the record at byte {offset} claims {length} bytes")
         records.append(content[offset + 2 : offset + 2 + length])

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from catalog.errors import RefusedError
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
 
-MAGIC = (b"\x89PNG\r\n\x1a\n", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+MAGIC = (PNG_MAGIC, b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+MAX_CHUNKS, CHUNK_FRAME_BYTES = 50_000, 12
 GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")
 DAMAGE = (OSError, ValueError, TypeError, LookupError, SyntaxError, ArithmeticError, AttributeError, EOFError)
 """What Pillow raises for damaged files, beside struct.error."""
@@ -31,6 +33,7 @@ class PictureReader:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
+                _check_chunks_of_png(path)
                 with Image.open(path, formats=("PNG", "TIFF")) as picture:
                     pixels = _grey_pixels(path, picture)
         except Image.DecompressionBombError as error:
@@ -49,7 +52,32 @@ def _grey_pixels(path: Path, picture: Any) -> NDArray[Any]:
             f"image {path}: a colour picture ({picture.mode}) mixes exposures.",
             "Give one grey channel, 8 or 16 bit or float.",
         )
-    if getattr(picture, "n_frames", 1) != 1:
+    if _has_second_page(picture):
         raise RefusedError("image-not-2d", f"image {path}: it has several pages.", "Give one picture.")
     pixels = np.asarray(picture)
     return pixels.astype(np.uint8) if pixels.dtype == bool else pixels
+
+
+def _has_second_page(picture: Any) -> bool:
+    """Asked for alone: counting all pages would take a file's word for how many there are."""
+    try:
+        picture.seek(1)
+    except EOFError:
+        picture.seek(0)
+        return False
+    return True
+
+
+def _check_chunks_of_png(path: Path) -> None:
+    """Refuse a PNG of more pieces than any picture has, before they are looked at one by one."""
+    size, place = path.stat().st_size, len(PNG_MAGIC)
+    with path.open("rb") as file:
+        if file.read(place) != PNG_MAGIC:
+            return
+        for _ in range(MAX_CHUNKS):
+            file.seek(place)
+            length = int.from_bytes(file.read(4), "big")
+            place += length + CHUNK_FRAME_BYTES
+            if place >= size:
+                return
+    raise unreadable(path, f"it has more than {MAX_CHUNKS} chunks")

@@ -12,6 +12,7 @@ from catalog.pose import PartialPose
 
 MAX_SIDE_PX = 20_000
 MAX_PIXELS = 30_000_000
+MAX_FILE_BYTES = 600_000_000  # the largest frame in doubles, with its noise
 HEAD_BYTES = 4096
 
 

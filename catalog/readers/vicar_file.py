@@ -16,7 +16,9 @@ from catalog.errors import RefusedError
 from catalog.readers.reading import bytes_at, checked_shape, unreadable
 
 LABEL_START = re.compile(rb"LBLSIZE *= *(\d{1,9})\b")
-MAX_LABEL_BYTES = 1_000_000
+MAX_LABEL_BYTES = 200_000
+MAX_KEYWORDS = 3000  # the parser takes about a millisecond for each
+MAX_ITEMS = 5000
 SAMPLE_BYTES = {"BYTE": 1, "HALF": 2, "WORD": 2, "FULL": 4, "LONG": 4, "REAL": 4, "DOUB": 8}
 INTEGER_KINDS = {"BYTE": "u1", "HALF": "i2", "WORD": "i2", "FULL": "i4", "LONG": "i4"}
 
@@ -68,9 +70,12 @@ def _parsed(path: Path, text: str) -> dict[str, Any]:
     modern = re.sub(r"\bDIM *= *2\b", "DIM=3", text)
     if not modern.isprintable():
         raise unreadable(path, "its VICAR label holds control characters")
+    bare = re.sub(r"'[^']*'", "''", modern)
+    if bare.count("=") > MAX_KEYWORDS or bare.count(",") + len(modern.split("''")) > MAX_ITEMS:
+        raise unreadable(path, f"its VICAR label has more than {MAX_KEYWORDS} keywords or {MAX_ITEMS} items")
     try:
         label = VicarLabel(modern, strict=False)
-    except (VicarError, TypeError, ValueError, OverflowError) as error:
+    except (VicarError, TypeError, ValueError, LookupError, ArithmeticError, RecursionError) as error:
         raise unreadable(path, f"its VICAR label cannot be parsed ({error})") from error
     flat: dict[str, Any] = {}
     for name, value in zip(label.names(), label.values(), strict=True):

@@ -1,8 +1,10 @@
-"""planetpose benchmark projection|index"""
+"""planetpose benchmark projection|index|fuzz"""
 
 from typing import Annotated
 
 import typer
+
+from flows.cli.fuzz import fuzz
 
 
 def register(app: typer.Typer) -> None:
@@ -11,6 +13,7 @@ def register(app: typer.Typer) -> None:
     group.callback()(lambda: None)
     group.command()(projection)
     group.command()(index)
+    group.command()(fuzz)
     app.add_typer(group, name="benchmark")
 
 

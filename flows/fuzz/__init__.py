@@ -1,0 +1,1 @@
+"""How the readers stand damaged files: `planetpose benchmark fuzz`."""
