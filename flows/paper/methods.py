@@ -21,7 +21,7 @@ TEXT = (
     "Profile `paper` with the registration exchanged: pointing by that method, range by SSIM, attitude by flow and "
     "Kabsch, then pointing once more. The last rows are the profile `paper` as a whole, with all its passes, and the "
     "standard profile, which fits the lit limb and a mixture of photometric laws.",
-    "What is known otherwise: Europa's range in the label is good to parts per million, so its factor should be 1.0000; "
+    "What is known otherwise: the range of Europa's label is good to parts per million, so its factor should be 1; "
     "JPL's limb fits of f1636832 put Io's centre at x 606.9 to 608.1, y 542.1 to 542.2; Pluto's trajectory is known, "
     "so its factor should be 1.000; Enceladus has a rough pose (its range is a guess from the disk's size, its "
     "attitude any), so its markings cannot match.",
