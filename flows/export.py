@@ -63,10 +63,13 @@ def export_products(
 ) -> list[Exported]:
     """Export every product; one that cannot be does not stop the others."""
     items: list[pystac.Item] = []
-    results = []
+    results: list[Exported] = []
     for folder in folders:
         result = Exported(folder.name)
         try:
+            if folder.name in {done.product for done in results}:
+                fault = f"{folder} has the name of another product of this command; its files would replace those."
+                raise RefusedError("product-twice", fault, "Use another --out for one of them.")
             _export(folder, settings, out, result, items)
         except PlanetposeError as error:
             result.reason = error.reason

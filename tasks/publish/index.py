@@ -25,10 +25,13 @@ LOCK = ".index.lock"
 
 def open_index(store: Path) -> "pd.DataFrame":
     """The index of a store (see `index_rows.COLUMNS`), in the order of time, brought up to date and written when it
-    was not; a store that cannot be written to gets its index in memory. Raises RefusedError when there is no store."""
+    was not; a store that is empty or cannot be written to gets its index in memory. Raises RefusedError when there is
+    no store."""
     store = _existing(store)
     known = read_index(store)
     stamps = product_stamps(store)
+    if not stamps and known is None:
+        return table_of([])
     if known is not None and _agrees(known, stamps):
         return known
     with _writing(store) as writable:

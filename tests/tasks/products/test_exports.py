@@ -208,8 +208,9 @@ def test_selections_run_through_the_meridian_and_refuse_nothing_silently(store, 
     )
     assert len(pixel_table(source, Selection(every_flag=True))) > len(whole)
     nothing = ExportSettings(("csv",), selection=Selection(latitude_deg=(1.0, 1.0)))
-    result = export_products([store / "C0001"], nothing, tmp_path)[0]
-    assert "no pixels" in result.reason
+    results = export_products([store / "C0001"] * 2, nothing, tmp_path)
+    assert "no pixels" in results[0].reason
+    assert "product-twice" in results[1].reason
     assert list(tmp_path.iterdir()) == []
 
 
