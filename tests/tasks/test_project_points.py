@@ -81,9 +81,10 @@ def test_points_and_coordinates_agree_with_spice_to_the_limb(scene):
         expected = spiceypy.surfpt(spacecraft, ray, *target.radii_km)
         _, spice_lon, spice_lat = spiceypy.reclat(expected)
         step_deg = np.degrees(np.linalg.norm(expected - point) / min(target.radii_km))
-        assert step_deg < 1e-6
-        assert abs(lat - np.degrees(spice_lat)) < 1e-6
-        assert abs((lon - np.degrees(spice_lon) + 180) % 360 - 180) * np.cos(spice_lat) < 1e-6
+        bar_deg = 1e-6 if pose.range_km < 1e5 * min(target.radii_km) else 1e-5  # beyond, SURFPT loses digits
+        assert step_deg < bar_deg
+        assert abs(lat - np.degrees(spice_lat)) < bar_deg
+        assert abs((lon - np.degrees(spice_lon) + 180) % 360 - 180) * np.cos(spice_lat) < bar_deg
 
 
 def test_the_limb_is_where_lines_of_sight_begin_to_miss():
