@@ -27,6 +27,18 @@ class PolarScan:
     camera: NDArray[np.float64]
     target: NDArray[np.float64]
 
+    @property
+    def unturned(self) -> float:
+        """Correlation without a turn: in the middle of the angles."""
+        return float(self.camera[len(self.camera) // 2])
+
+    def contrast(self, kind: str) -> float:
+        """How much less of the image the best turn leaves unexplained than a middling one: 0 (a disk that looks the
+        same from every side) to 1."""
+        scores = np.maximum(self.camera if kind == "camera" else self.target, 0)
+        unexplained = 1 - scores**2
+        return float(1 - unexplained.min() / max(np.median(unexplained), 1e-12))
+
     def best(self, kind: str) -> tuple[float, float]:
         """Angle, degrees, and correlation of the best turn of `kind` (camera or target)."""
         scores = self.camera if kind == "camera" else self.target

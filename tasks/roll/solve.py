@@ -2,7 +2,8 @@
 
 For one disk a roll of the camera and a turn of the target about the line of sight move the markings alike. What tells
 them apart is what does not turn with the target: the direction to the Sun (terminator, shading, lit limb), a flattened
-limb. Near phase 0 nothing does, and the result says to which of the two a turn was assigned without being told.
+limb. So both are tried, and the one that makes the simulation more like the image is taken. Near phase 0 neither does,
+and the result says to which of the two a turn was assigned without being told.
 """
 
 from collections.abc import Callable
@@ -20,8 +21,8 @@ from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_f
 from tasks.correction import Correction
 from tasks.point.registration.least_squares import register_least_squares
 from tasks.point.rotation import pose_moved_by
-from tasks.roll.refine import CAMERA, TARGET, TurnStep, turn_step
-from tasks.roll.scan import polar_scan
+from tasks.roll.refine import CAMERA, TARGET, turn_step
+from tasks.roll.scan import PolarScan, polar_scan
 from tasks.roll.turns import camera_rolled, target_turned
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -30,178 +31,170 @@ Progress = Callable[[str, int, str], None]
 Photometry = Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"]
 TURNS = {CAMERA: camera_rolled, TARGET: target_turned}
 OVERSAMPLE = 2
+STILL_PX = 0.05
+SMALL_DEG, HARM = 2.0, 2e-3
+MIN_CONTRAST = 0.3
 
 
 class RollSettings(BaseModel):
-    """assign: `image` lets the image say how much of a turn is the camera's roll and how much the target's, where the
-    Sun's direction tells them apart, and takes it for the camera's where not; `camera`, `target`: all of it.
+    """assign: `image` takes a turn for the camera's or the target's by which explains the image better, and for the
+    camera's when neither clearly does; `camera`, `target`: in any case.
 
-    reach_deg: largest turn that is looked for, 0 to start near 0. min_gain: rise of the correlation that makes a far
-    start believed. apply_from_deg: smaller rolls are reported, and left for the attitude to take up. max_sigma_deg: a
-    turn less sure is not determined; tell_sigma_deg: both turns must be surer than this, solved together, to be told
-    apart. photometry: of the simulations, None takes the profile's. diameter_px: larger disks are compared at reduced
-    resolution. stop_deg: the loop ends at a smaller step, or
-    one below half its error."""
+    reach_deg: largest turn that is looked for, 0 to start near 0. min_gain: the part of what the simulation does not
+    explain (1 - correlation^2) that a turn must explain to be believed, and by which one must beat the other to be told
+    apart. apply_from_deg: smaller turns are reported, and left for the attitude to take up. max_sigma_deg: a turn less
+    sure is not determined. photometry: of the simulations, None takes the profile's. diameter_px: larger disks are
+    compared at reduced resolution. stop_deg: the loop ends at a smaller step, or one below half its error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     assign: Literal["image", "camera", "target"] = "image"
     reach_deg: float = Field(45.0, ge=0, le=180)
-    min_gain: float = Field(0.005, ge=0)
+    min_gain: float = Field(0.1, ge=0, lt=1)
     apply_from_deg: float = Field(0.0, ge=0)
     max_sigma_deg: float = Field(0.5, gt=0)
-    tell_sigma_deg: float = Field(0.5, gt=0)
     photometry: Photometry | None = "mixture"
-    diameter_px: float = Field(200.0, gt=0)
-    stop_deg: float = Field(0.01, gt=0)
-    max_iterations: int = Field(12, ge=1, le=100)
+    diameter_px: float = Field(150.0, gt=0)
+    stop_deg: float = Field(0.02, gt=0)
+    max_iterations: int = Field(10, ge=1, le=100)
 
 
 @dataclass
-class State:
-    """Where the solution stands: the pose, the turns so far by kind, the last step and all moves."""
+class Trial:
+    """One explanation: a turn of `kind`. pose and turn_deg so far, its error, all steps (degrees), whether it came to
+    rest, and how much the image and its simulation then correlate."""
 
+    kind: str
     pose: Pose
-    turns_deg: dict[str, float] = field(default_factory=lambda: {CAMERA: 0.0, TARGET: 0.0})
-    step: TurnStep | None = None
-    history: list[dict[str, float]] = field(default_factory=list)
+    turn_deg: float = 0.0
+    sigma_deg: float = float("inf")
+    history: list[float] = field(default_factory=list)
+    settled: bool = False
+    correlation: float = 0.0
 
-    def turned(self, kind: str, angle_deg: float) -> None:
+    def turned(self, angle_deg: float) -> None:
         """Turn camera or target by so much more."""
-        self.pose = TURNS[kind](self.pose, angle_deg)
-        self.turns_deg[kind] += angle_deg
+        self.pose = TURNS[self.kind](self.pose, angle_deg)
+        self.turn_deg += angle_deg
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        names = ("turn_deg", "sigma_deg", "settled", "correlation", "history")
+        return {name: getattr(self, name) for name in names}
 
 
 def find_roll(
     observation: Observation, pose: Pose, scene: Scene, settings: RollSettings, progress: Progress | None = None
 ) -> Correction:
-    """Correct the camera's roll, and what the image assigns to the target's turn about the line of sight.
+    """Correct a turn of the picture about the line of sight, by rolling the camera or turning the target.
 
-    changed: `roll_deg` and `turn_deg` (picture turned from +x towards +y, by the camera and by the target), None when
-    the image cannot tell; then the pose is returned unchanged and the evidence has the reason. evidence: `assigned_to`
-    (camera, target, both) and `told_apart_by` (sun, or setting when nothing tells).
+    changed: `roll_deg` and `turn_deg` (picture turned from +x towards +y, by the camera and by the target; one of them
+    is 0), None when the image cannot tell; then the pose is returned unchanged and the evidence has the reason under
+    `left`. evidence: `assigned_to` (camera or target), `told_by` (image, or setting), and both trials.
     """
     n = reduction_for(pose, scene, settings.diameter_px)
     small = reduced_observation(observation, n)
     # One law, when it is not the surface's, leaves a shading that passes for turned markings.
     changes = {"oversample": OVERSAMPLE, "photometry": settings.photometry or scene.settings.photometry}
     scene = reduced_scene(replace(scene, settings=scene.settings.model_copy(update=changes)), n)
-    radius = disk_radius_px(pose, scene.camera, scene.target)
-    state = State(pose)
-    evidence: dict[str, Any] = {"reduction": n, "phase_deg": pose.phase_deg}
-    before = likeness(match_scene(small, scene, pose))
-    if settings.reach_deg > 0:
-        evidence["scan"] = start_from_afar(state, small, scene, settings)
-        if progress:
-            progress("roll", 0, f"scan: {evidence['scan']}")
-    kinds = kinds_of(settings)
-    settled = refine(state, small, scene, kinds, radius, settings, progress)
-    told = len(kinds) == 2
-    if told and not are_told_apart(state.step, settings):
-        # Together they are not determined: all of it goes to the camera.
-        evidence["not_told_apart"] = told_in_words(state.step)
-        turn = state.turns_deg[TARGET] + state.turns_deg[CAMERA]
-        state = State(camera_rolled(pose, turn), {CAMERA: turn, TARGET: 0.0}, None, state.history)
-        told, kinds = False, (CAMERA,)
-        settled = refine(state, small, scene, kinds, radius, settings, progress)
-    after = likeness(match_scene(small, scene, state.pose))
-    evidence |= {
-        "assigned_to": "both" if len(kinds) == 2 else kinds[0],
-        "told_apart_by": "sun" if told else "setting",
-        "history": state.history,
-        "settled": settled,
+    kinds = (CAMERA, TARGET) if settings.assign == "image" else (settings.assign,)
+    here = match_scene(small, scene, pose)
+    before = likeness(here)
+    scan = polar_scan(here, settings.reach_deg) if settings.reach_deg > 0 else None
+    trials = {kind: tried(kind, pose, small, scene, settings, scan, progress) for kind in kinds}
+    best = max(trials.values(), key=lambda trial: trial.correlation)
+    told = len(kinds) == 1 or explains_more(best.correlation, min(t.correlation for t in trials.values()), settings)
+    if not told:
+        best = trials[CAMERA]
+    evidence: dict[str, Any] = {
+        "reduction": n,
+        "phase_deg": pose.phase_deg,
+        "scan": None if scan is None else {kind: scan.best(kind) for kind in kinds},
+        "scan_contrast": None if scan is None else scan.contrast(best.kind),
+        "assigned_to": best.kind,
+        "told_by": "image" if told and len(kinds) == 2 else "setting",
+        "trials": {kind: trial.to_dict() for kind, trial in trials.items()},
         "correlation_before": before,
-        "correlation_after": after,
+        "correlation_after": best.correlation,
+        "settled": best.settled,
     }
-    return verdict(pose, state, scene, settings, evidence)
+    return verdict(pose, best, scene, settings, evidence)
 
 
-def kinds_of(settings: RollSettings) -> tuple[str, ...]:
-    """The turns to solve."""
-    return (CAMERA, TARGET) if settings.assign == "image" else (settings.assign,)
-
-
-def start_from_afar(state: State, observation: Observation, scene: Scene, settings: RollSettings) -> dict[str, Any]:
-    """Turn the state to the best angle of the polar scan, when that is clearly better than none, and point anew."""
-    scan = polar_scan(match_scene(observation, scene, state.pose), settings.reach_deg)
-    kinds = kinds_of(settings)
-    best = {kind: scan.best(kind) for kind in kinds}
-    kind = max(kinds, key=lambda kind: best[kind][1])
-    here = float(scan.camera[len(scan.camera) // 2])
-    taken = best[kind][1] > here + settings.min_gain
-    if taken:
-        state.turned(kind, best[kind][0])
-        match = match_scene(observation, scene, state.pose)
-        state.pose = pose_moved_by(state.pose, scene.camera, register_least_squares(match).offset_px)
-    figures = {name: {"angle_deg": angle, "correlation": round(score, 4)} for name, (angle, score) in best.items()}
-    return {"unturned": round(here, 4), **figures, "taken": kind if taken else None}
-
-
-def refine(
-    state: State,
+def tried(
+    kind: str,
+    pose: Pose,
     observation: Observation,
     scene: Scene,
-    kinds: tuple[str, ...],
-    radius_px: float,
     settings: RollSettings,
+    scan: PolarScan | None,
     progress: Progress | None,
-) -> bool:
-    """Gauss-Newton steps with a new simulation each; whether they came to rest."""
+) -> Trial:
+    """The best turn of `kind`: from the scan's best angle where that is clearly better than none, by Gauss-Newton steps
+    with a new simulation each."""
+    trial = Trial(kind, pose)
+    if scan is not None:
+        angle_deg, correlation = scan.best(kind)
+        if explains_more(correlation, scan.unturned, settings):
+            trial.turned(angle_deg)
+            match = match_scene(observation, scene, trial.pose)
+            trial.pose = pose_moved_by(trial.pose, scene.camera, register_least_squares(match).offset_px)
+    radius_px = disk_radius_px(pose, scene.camera, scene.target)
+    limit_deg = float(np.degrees(3.0 / radius_px))
     for iteration in range(1, settings.max_iterations + 1):
-        step = turn_step(match_scene(observation, scene, state.pose), kinds, radius_px)
-        state.step = step
-        limit_deg = np.degrees(3.0 / radius_px)
-        state.pose = pose_moved_by(state.pose, scene.camera, np.clip(step.offset_px, -3, 3))
-        for kind, angle in step.turns_deg.items():
-            state.turned(kind, float(np.clip(angle, -limit_deg, limit_deg)))
-        state.history.append({**step.turns_deg, "offset_px": float(np.hypot(*step.offset_px))})
+        step = turn_step(match_scene(observation, scene, trial.pose), kind, radius_px)
+        trial.pose = pose_moved_by(trial.pose, scene.camera, np.clip(step.offset_px, -3, 3))
+        trial.turned(float(np.clip(step.turn_deg, -limit_deg, limit_deg)))
+        trial.sigma_deg = step.sigma_deg
+        trial.history.append(step.turn_deg)
         if progress:
-            progress("roll", iteration, ", ".join(f"{kind} {angle:+.3f} deg" for kind, angle in step.turns_deg.items()))
-        still = all(abs(a) <= max(settings.stop_deg, step.sigma_deg[k] / 2) for k, a in step.turns_deg.items())
-        if still and np.hypot(*step.offset_px) < 0.05:
-            return True
-    return False
+            progress("roll", iteration, f"{kind} {step.turn_deg:+.3f} deg")
+        still = abs(step.turn_deg) <= max(settings.stop_deg, step.sigma_deg / 2)
+        if still and np.hypot(*step.offset_px) < STILL_PX:
+            trial.settled = True
+            break
+    trial.correlation = likeness(match_scene(observation, scene, trial.pose))
+    return trial
 
 
-def are_told_apart(step: TurnStep | None, settings: RollSettings) -> bool:
-    """Whether the two turns, solved together, are both determined."""
-    return step is not None and max(step.sigma_deg.values()) < settings.tell_sigma_deg
+def explains_more(one: float, other: float, settings: RollSettings) -> bool:
+    """Whether correlation `one` leaves clearly less of the image unexplained than correlation `other`."""
+    left, left_by_other = (1 - max(value, 0.0) ** 2 for value in (one, other))
+    return left <= (1 - settings.min_gain) * left_by_other
 
 
-def told_in_words(step: TurnStep | None) -> str:
-    """How sure the two turns were, solved together."""
-    if step is None:
-        return "not solved"
-    sigmas = ", ".join(f"{kind} {sigma:.2f} deg" for kind, sigma in step.sigma_deg.items())
-    return f"1-sigma {sigmas}, correlation {step.correlation:+.3f}"
+def is_better(best: Trial, before: float, settings: RollSettings) -> bool:
+    """Whether the trial makes image and simulation more alike; a small turn hardly does, so it must only do no harm."""
+    if abs(best.turn_deg) > SMALL_DEG:
+        return explains_more(best.correlation, before, settings)
+    return best.correlation > before - HARM
 
 
-def verdict(pose: Pose, state: State, scene: Scene, settings: RollSettings, evidence: dict[str, Any]) -> Correction:
+def verdict(pose: Pose, best: Trial, scene: Scene, settings: RollSettings, evidence: dict[str, Any]) -> Correction:
     """The correction, or the unchanged pose with the reason."""
-    step = state.step
-    sigma: dict[str, float | None] = {CAMERA: None, TARGET: None, **(step.sigma_deg if step else {})}
-    errors = {"roll_deg": sigma[CAMERA], "turn_deg": sigma[TARGET]}
-    turns = state.turns_deg
-    evidence |= {"found_deg": dict(turns), "sigma_deg": errors}
-    reason = None
-    if step is None or max(step.sigma_deg.values()) > settings.max_sigma_deg:
-        reason = f"the turn is uncertain ({told_in_words(step)}; limit {settings.max_sigma_deg} deg)"
-    elif not evidence["settled"]:
+    reason, contrast = None, evidence["scan_contrast"]
+    if contrast is not None and contrast < MIN_CONTRAST:
+        reason = f"the disk looks much the same from every side (contrast of the scan {contrast:.2f})"
+    elif best.sigma_deg > settings.max_sigma_deg:
+        reason = f"the turn is uncertain by {best.sigma_deg:.2f} deg (limit {settings.max_sigma_deg} deg)"
+    elif not best.settled:
         reason = f"it did not come to rest in {settings.max_iterations} steps"
-    elif evidence["correlation_after"] < evidence["correlation_before"] - 1e-3:
-        reason = "the turn makes image and simulation less alike"
-    elif max(abs(turn) for turn in turns.values()) < settings.apply_from_deg:
+    elif abs(best.turn_deg) < settings.apply_from_deg:
         reason = f"smaller than {settings.apply_from_deg} deg, which the attitude takes up"
+    elif not is_better(best, evidence["correlation_before"], settings):
+        reason = "the turn does not make image and simulation more alike"
     if reason:
-        evidence["left"] = reason
         nothing = {"roll_deg": None, "turn_deg": None}
-        return Correction("roll", pose, nothing, nothing, evidence, bool(evidence["settled"]))
-    moved_px = scene.camera.project(state.pose.target_in_camera_km) - scene.camera.project(pose.target_in_camera_km)
+        return Correction("roll", pose, nothing, nothing, evidence | {"left": reason}, best.settled)
+    moved_px = scene.camera.project(best.pose.target_in_camera_km) - scene.camera.project(pose.target_in_camera_km)
+    is_camera = best.kind == CAMERA
     changed = {
-        "roll_deg": turns[CAMERA],
-        "turn_deg": turns[TARGET],
+        "roll_deg": best.turn_deg if is_camera else 0.0,
+        "turn_deg": 0.0 if is_camera else best.turn_deg,
         "offset_px": (evidence["reduction"] * moved_px).tolist(),
     }
-    return Correction("roll", state.pose, changed, errors, evidence)
+    sigma = best.sigma_deg
+    errors = {"roll_deg": sigma if is_camera else None, "turn_deg": None if is_camera else sigma}
+    return Correction("roll", best.pose, changed, errors, evidence)
 
 
 def likeness(match: Match) -> float:
