@@ -88,12 +88,9 @@ def _incoming(archive: Path, path: str) -> Iterator[Path]:
             raise TransferError("busy", "another process is fetching it", passing=False) from error
         try:
             yield folder
-        except BaseException:
-            if (folder / "part").exists():
-                raise  # what arrived waits for the next run
-            shutil.rmtree(folder, ignore_errors=True)
-            raise
-        shutil.rmtree(folder, ignore_errors=True)
+        finally:
+            if not (folder / "part").exists():  # what arrived of a file waits for the next run
+                shutil.rmtree(folder, ignore_errors=True)
 
 
 def _attempts(item: Item, folder: Path, target: Path, settings: FetchSettings, rate: RateLimit) -> int:
