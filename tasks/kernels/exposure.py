@@ -107,7 +107,7 @@ def _origin(attributes: dict[str, Any], nested: dict[str, Any]) -> dict[str, Any
         "written_by": attributes.get("source"),
         "history": attributes.get("history"),
         "uncertainty": _without_matrix(json.loads(attributes.get("uncertainty", "{}"))),
-        "kernels": [kernel.get("name") for kernel in provenance.get("kernels", [])],
+        "kernels": [_name_of(kernel) for kernel in provenance.get("kernels", [])],
         "initial_pose": provenance.get("initial_pose", {}).get("sources"),
         "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),
         "profile": nested["settings"].get("name"),
@@ -116,3 +116,7 @@ def _origin(attributes: dict[str, Any], nested: dict[str, Any]) -> dict[str, Any
 
 def _without_matrix(uncertainty: dict[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in uncertainty.items() if key != "covariance"}
+
+
+def _name_of(kernel: Any) -> Any:
+    return kernel.get("name") if isinstance(kernel, dict) else kernel[0]
