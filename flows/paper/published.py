@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
 from catalog.europa57 import paper_images
 from catalog.settings import default_kernels
+from flows.paper.published_findings import findings
 from flows.paper.published_tables import (
     by_camera,
     camera_entry,
@@ -24,7 +23,7 @@ from tasks.paper.published import (
     neighbours,
     published_differences,
 )
-from tasks.pictures.published_figure import disagreement_figure, published_figure, sunward_figure
+from tasks.pictures.published_figure import disagreement_figure, longitude_figure, published_figure
 
 NAME = "published"
 TITLE = "The published corrections of 57 images of Europa"
@@ -75,7 +74,9 @@ def image_entry(each: PublishedDifference) -> dict[str, Any]:
         "direction_px": each.direction_px and list(each.direction_px),
         "turn_deg": None if each.turn_deg is None else each.turn_deg.tolist(),
         "turn_angle_deg": each.turn_angle_deg,
-        "sunward_across_deg": each.sunward_across_deg and list(each.sunward_across_deg),
+        "turn_in_body_deg": None if each.turn_in_body_deg is None else each.turn_in_body_deg.tolist(),
+        "sub_spacecraft_deg": list(each.sub_spacecraft_deg),
+        "sun_in_east": each.sun_in_east,
         "pointing_px": each.pointing_px and list(each.pointing_px),
         "camera_roll_deg": each.camera_roll_deg,
         "not_covered": list(each.missing),
@@ -110,54 +111,6 @@ def compared(found: Sequence[PublishedDifference]) -> list[Compared]:
     ]
 
 
-def findings(found: Sequence[PublishedDifference], pairs: Sequence[Neighbours], sigmas: dict[str, Any]) -> list[str]:
-    """What the figures say, in sentences."""
-    alone = [each for each in found if each.turn_deg is not None and not each.turned]
-    uncovered = sum(each.pointing_px is None for each in found)
-    known = len(found) - uncovered
-    said = [
-        f"Trajectories and rotation model cover {sum(each.range_factor is not None for each in found)} of the "
-        f"{len(found)} images, C-kernels {known}"
-        + (": the published camera orientation itself has nothing to be compared with here." if known == 0 else "."),
-        f"{len(alone)} images carry the attitude of SPICE (turn below 0.03 deg): their optical flow was not used, or "
-        "found nothing.",
-    ]
-    sigma = sigmas["one_image_sigma_deg"]
-    if sigmas["angle_deg"] and None not in sigma.values():
-        worst = max(pairs, key=lambda pair: pair.angle_deg)
-        said.append(
-            f"Neighbours disagree in attitude by {sigmas['angle_deg']['median']:.2f} deg (median of "
-            f"{len(pairs)} pairs), at most by {worst.angle_deg:.1f} deg ({worst.first.image.image} and "
-            f"{worst.second.image.image}, {worst.seconds:.0f} s apart). So one published attitude is good to about "
-            f"{sigma['x']:.2f}, {sigma['y']:.2f} and {sigma['roll']:.2f} deg (about x, y and the boresight; robust "
-            "1-sigma), while the corrections themselves have a median of "
-            f"{np.median([each.turn_angle_deg for each in found if each.turned]):.2f} deg: noise and correction are "
-            "of one size."
-        )
-    return said + sunward(found)
-
-
-def sunward(found: Sequence[PublishedDifference]) -> list[str]:
-    """Whether a camera's turns point along the Sun's direction, in a sentence for those that do."""
-    said = []
-    for camera, own in by_camera(found).items():
-        moves = np.array([each.sunward_across_deg for each in own if each.turned and (each.turn_angle_deg or 0) < 5])
-        if len(moves) < 3:
-            continue
-        along, across = np.abs(moves).max(axis=0)
-        one_sided = abs(np.sign(moves[:, 0]).sum()) == len(moves)
-        if one_sided and across < 0.2 * along:
-            low, high = sorted(np.abs(moves[:, 0]))[:: len(moves) - 1]
-            way = "away from" if moves[0, 0] < 0 else "towards"
-            said.append(
-                f"All {len(moves)} turns of {camera} (outliers beyond 5 deg apart) move the markings straight {way} "
-                f"the Sun, by {low:.2f} to {high:.2f} deg, and at most {across:.2f} deg across, wherever the Sun "
-                "stands in the image. A wrong rotation model or camera roll does not know where the Sun is; shading "
-                "that the simulation lacks does. So these corrections are most likely an artefact of photometry."
-            )
-    return said
-
-
 def pictures(context: Context, found: Sequence[PublishedDifference], pairs: Sequence[Neighbours]) -> list[Picture]:
     """Turns and ranges image by image; disagreement of neighbours."""
     return [
@@ -167,8 +120,8 @@ def pictures(context: Context, found: Sequence[PublishedDifference], pairs: Sequ
             "that of the kernels.",
         ),
         Picture(
-            context.save(sunward_figure(found), "published-sunward"),
-            "Where the corrections move the markings in mid-disk, every image turned so that the Sun is above.",
+            context.save(longitude_figure(found), "published-longitude"),
+            "How far the corrections move the markings east, against the longitude in mid-disk (clipped at 2 deg).",
         ),
         Picture(
             context.save(disagreement_figure(pairs), "published-neighbours"),

@@ -32,8 +32,7 @@ FIGURES: dict[str, Figures] = {
     "direction_px": lambda d: None if d.direction_px is None else float(np.hypot(*d.direction_px)),
     "turn_deg": lambda d: d.turn_angle_deg,
     "turn_px": lambda d: d.turn_px,
-    "sunward_deg": lambda d: d.sunward_across_deg[0] if d.turned and d.sunward_across_deg else None,
-    "across_deg": lambda d: d.sunward_across_deg[1] if d.turned and d.sunward_across_deg else None,
+    "about_pole_deg": lambda d: float(d.turn_in_body_deg[2]) if d.turned and d.turn_in_body_deg is not None else None,
     "roll_deg": lambda d: None if d.turn_deg is None else abs(float(d.turn_deg[2])),
 }
 
@@ -67,7 +66,7 @@ def disagreement(pairs: Sequence[Neighbours]) -> dict[str, Any]:
 def camera_table(found: Sequence[PublishedDifference]) -> Table:
     """Per camera: median and largest."""
     header = ("camera", "images", "range, ppm", "without kdist, ppm", "direction, px", "turn, deg", "largest",
-              "mid-disk, px", "largest", "sunward, deg", "across, deg",
+              "mid-disk, px", "largest", "about pole, deg",
               "|roll|, deg", "left alone", "no CK")  # fmt: skip
     rows: list[list[Cell]] = []
     for camera, own in by_camera(found).items():
@@ -79,7 +78,7 @@ def camera_table(found: Sequence[PublishedDifference]) -> Table:
         rows.append([
             camera, len(own), value("range_ppm"), value("range_before_kdist_ppm"), value("direction_px"),
             value("turn_deg"), value("turn_deg", "max"), value("turn_px"), value("turn_px", "max"),
-            value("sunward_deg"), value("across_deg"), value("roll_deg"),
+            value("about_pole_deg"), value("roll_deg"),
             entry["attitude_left_alone"], entry["without_c_kernel"],
         ])  # fmt: skip
     return Table("Published minus SPICE: medians per camera", header, rows)
@@ -113,13 +112,14 @@ def sigma_table(pairs: Sequence[Neighbours]) -> Table:
 def image_table(found: Sequence[PublishedDifference]) -> Table:
     """Every image."""
     header = ("image", "camera", "kdist", "published / SPICE range", "direction x, px", "y, px", "turn about x, deg",
-              "about y", "roll", "angle", "sunward", "across")  # fmt: skip
+              "about y", "roll", "angle", "about pole", "seen at deg E", "Sun")  # fmt: skip
     none = [None] * 3
     rows = [
         (d.image.image, d.image.camera, f"{d.image.range_factor:.4f}",
          None if d.range_factor is None else f"{d.range_factor:.6f}", *(d.direction_px or none[:2]),
          *(none if d.turn_deg is None else d.turn_deg.tolist()), d.turn_angle_deg,
-         *(d.sunward_across_deg or none[:2]))
+         None if d.turn_in_body_deg is None else float(d.turn_in_body_deg[2]), f"{d.sub_spacecraft_deg[1]:.0f}",
+         "east" if d.sun_in_east else "west")
         for d in found
     ]  # fmt: skip
     return Table("Every image", header, rows)

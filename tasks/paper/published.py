@@ -13,7 +13,7 @@ from catalog.europa57 import PaperImage
 from catalog.pose import PartialPose
 from catalog.rotation import vector_deg_from_rotation
 from catalog.spice import kernel_pool
-from catalog.spice_pose import pose_parts_from_loaded
+from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
 from catalog.target import Target, find_target
 
 Array = NDArray[np.float64]
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 NEIGHBOURS_S = 300.0
 # A smaller turn is the kernels' own (another version of the rotation model): the paper left the attitude alone.
 UNTOUCHED_DEG = 0.03
+EUROPA_DAY_S = 3.551181 * 86400
 
 
 @dataclass(frozen=True)
@@ -55,16 +56,27 @@ class PublishedDifference:
         return (self.turn_angle_deg or 0.0) > UNTOUCHED_DEG
 
     @property
-    def sunward_across_deg(self) -> tuple[float, float] | None:
-        """Where the turn moves the markings in mid-disk: towards the Sun, and across (clockwise from there), degrees.
-        A wrong rotation model does not know where the Sun is; shading that the simulation lacks does."""
-        if self.turn_deg is None:
-            return None
-        pose = self.image.pose
-        x, y = (pose.camera_from_j2000 @ pose.sun_from_target_km)[:2]
-        sun = np.array([x, y]) / np.hypot(x, y)
-        motion = np.array([-self.turn_deg[1], self.turn_deg[0]])  # of the point that faces the camera, on -Z
-        return float(motion @ sun), float(motion @ (-sun[1], sun[0]))
+    def turn_in_body_deg(self) -> Array | None:
+        """The turn (3,) about the body's own axes; the last is the pole, about which markings move east."""
+        return None if self.turn_deg is None else self.image.pose.camera_from_body.T @ self.turn_deg
+
+    @property
+    def sub_spacecraft_deg(self) -> tuple[float, float]:
+        """Planetocentric latitude and east longitude (0-360) of the middle of the disk."""
+        x, y, z = self.image.pose.spacecraft_in_body_km
+        return float(np.degrees(np.arctan2(z, np.hypot(x, y)))), float(np.degrees(np.arctan2(y, x)) % 360)
+
+    @property
+    def sun_in_east(self) -> bool:
+        """Whether the Sun stands east of the middle of the disk: what shading pulls, it pulls the other way in the
+        west."""
+        x, y, _ = self.image.pose.spacecraft_in_body_km
+        return bool(self.image.pose.sun_direction_in_body @ (-y, x, 0.0) > 0)
+
+    @property
+    def turned_while_light_travelled_deg(self) -> float:
+        """How far Europa rotates in the light time: what an attitude taken at the time of exposure is off by."""
+        return 360.0 / EUROPA_DAY_S * self.image.pose.range_km / LIGHT_KM_PER_S
 
     @property
     def turn_px(self) -> float | None:

@@ -30,24 +30,26 @@ def published_figure(found: Sequence[PublishedDifference], pairs: Sequence[Neigh
     return figure
 
 
-def sunward_figure(found: Sequence[PublishedDifference]) -> "Figure":
-    """Where each correction moves the markings in mid-disk, turned so that the Sun is above; one panel per camera."""
+def longitude_figure(found: Sequence[PublishedDifference]) -> "Figure":
+    """Turn about the pole against the longitude that the camera looked at; open marks: the Sun in the west."""
+    figure, (panel,) = canvas(1, 1, (9.0, 3.6))
     cameras = list(dict.fromkeys(each.image.camera for each in found))
-    figure, panels = canvas(1, len(cameras), (2.9, 3.2))
-    for panel, camera, color in zip(panels, cameras, CYCLE, strict=False):
-        moves = [each.sunward_across_deg for each in found if each.image.camera == camera and each.turned]
-        shown = np.clip(np.array(moves, float).reshape(-1, 2), -LARGEST_SHOWN_DEG, LARGEST_SHOWN_DEG)
-        panel.plot(shown[:, 1], shown[:, 0], "o", color=color, markersize=5, alpha=0.8)
-        panel.axhline(0, color="0.6", linewidth=0.7)
-        panel.axvline(0, color="0.6", linewidth=0.7)
-        panel.set_xlim(-LARGEST_SHOWN_DEG * 1.05, LARGEST_SHOWN_DEG * 1.05)
-        panel.set_ylim(-LARGEST_SHOWN_DEG * 1.05, LARGEST_SHOWN_DEG * 1.05)
-        panel.set_aspect("equal")
-        panel.set_title(f"{camera} ({len(moves)})", fontsize=9)
-        panel.set_xlabel("across, deg", fontsize=8)
-        panel.tick_params(labelsize=7)
-        bare(panel)
-    panels[0].set_ylabel("towards the Sun, deg", fontsize=8)
+    for camera, color, marker in zip(cameras, CYCLE, "os^D", strict=False):
+        for in_east in (True, False):
+            own = [e for e in found if e.image.camera == camera and e.turned and e.sun_in_east == in_east]
+            if not own:
+                continue
+            east = np.array([each.turn_in_body_deg[2] for each in own if each.turn_in_body_deg is not None])
+            longitude = (np.array([each.sub_spacecraft_deg[1] for each in own]) + 180) % 360 - 180
+            label = f"{camera}, Sun in the {'east' if in_east else 'west'}"
+            panel.plot(longitude, np.clip(east, -LARGEST_SHOWN_DEG, LARGEST_SHOWN_DEG), marker, color=color,
+                       markerfacecolor=color if in_east else "none", markersize=6, label=label)  # fmt: skip
+    panel.axhline(0, color="0.6", linewidth=0.7)
+    panel.set_xlabel("sub-spacecraft longitude, deg east")
+    panel.set_ylabel("markings moved east, deg")
+    panel.set_xticks(range(-180, 181, 30))
+    panel.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    bare(panel)
     return figure
 
 

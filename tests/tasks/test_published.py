@@ -43,13 +43,23 @@ def test_a_planted_turn_comes_back_in_the_cameras_axes() -> None:
     assert found.turned
 
 
-def test_a_turn_that_carries_the_middle_of_the_disk_to_the_sun_is_sunward() -> None:
-    x, y, _ = KNOWN.pose.camera_from_j2000 @ KNOWN.pose.sun_from_target_km
-    sun = np.array([x, y]) / np.hypot(x, y)
-    # About the axis n x s, with n towards the camera (-Z) and s towards the Sun: n moves to s.
-    axis = np.cross([0, 0, -1], [*sun, 0])
-    found = difference(turned_in_camera(KNOWN.pose, (0.5 * axis).tolist()), KNOWN.pose)
-    assert found.sunward_across_deg == pytest.approx((0.5, 0.0), abs=1e-9)
+def test_a_turn_about_the_pole_moves_the_markings_east() -> None:
+    east = rotation_from_vector_deg([0, 0, 0.6])  # of the body, about its own pole
+    found = difference(KNOWN.pose.replaced(body_from_j2000=east.T @ KNOWN.pose.body_from_j2000), KNOWN.pose)
+    assert found.turn_in_body_deg == pytest.approx([0, 0, 0.6], abs=1e-9)
+    before, after = (pose.camera_from_body @ [1.0, 0, 0] for pose in (KNOWN.pose, found.image.pose))
+    eastward = KNOWN.pose.camera_from_body @ [0, 1.0, 0]
+    assert (after - before) @ eastward == pytest.approx(np.sin(np.radians(0.6)))
+
+
+def test_the_middle_of_the_disk_and_the_side_of_the_sun() -> None:
+    pose = KNOWN.pose.replaced(
+        body_from_j2000=np.eye(3), target_from_spacecraft_km=[0, -3e6, 0], sun_from_target_km=[7e8, 1e8, 0]
+    )
+    found = difference(pose, pose)
+    assert found.sub_spacecraft_deg == pytest.approx((0, 90))
+    assert not found.sun_in_east  # at longitude 8, seen from longitude 90
+    assert difference(pose.replaced(sun_from_target_km=[-7e8, 1e8, 0]), pose).sun_in_east
 
 
 def test_the_range_factor_is_the_published_range_over_spices_with_and_without_kdist() -> None:
