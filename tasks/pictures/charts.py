@@ -1,7 +1,7 @@
 """Charts of the report: errors of methods, distributions per camera."""
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 Pair = tuple[float, float]
 FLOOR_PX = 4e-4
-MARKERS = ("o", "s", "^", "v", "D", "P", "X", "*")
+MARKERS = ("o", "s", "^", "v", "D", "P", "X", "*", "<")
 
 
 def offsets_figure(planted_px: Pair, ours: Mapping[str, Pair], paper: Mapping[str, Pair]) -> "Figure":
@@ -63,13 +63,18 @@ def histograms_figure(
 
 
 def centres_figure(centres: Mapping[str, Mapping[str, Sequence[float]]], reference: str) -> "Figure":
-    """One panel per image: where each method puts the disk's centre, relative to the method `reference`."""
+    """One panel per image: where each method puts the disk's centre, relative to the method `reference`; a method looks
+    the same in all of them."""
     figure, panels = canvas(1, max(len(centres), 1), (3.3, 3.3))
+    methods = list(dict.fromkeys(method for own in centres.values() for method in own))
+    looks: dict[str, dict[str, Any]] = {
+        m: {"color": CYCLE[i % len(CYCLE)], "marker": MARKERS[i % len(MARKERS)]} for i, m in enumerate(methods)
+    }
     for panel, (title, own) in zip(panels, centres.items(), strict=True):
         origin = np.array(own.get(reference, next(iter(own.values()), (0.0, 0.0))))
-        for (method, centre), color, marker in zip(own.items(), CYCLE * 2, MARKERS, strict=False):
+        for method, centre in own.items():
             x, y = np.array(centre) - origin
-            panel.plot(x, y, marker, color=color, markersize=7, label=method, linestyle="")
+            panel.plot(x, y, markersize=7, label=method, linestyle="", **looks[method])
         panel.set_title(title, fontsize=9)
         panel.set_aspect("equal", adjustable="datalim")
         panel.invert_yaxis()
@@ -77,5 +82,8 @@ def centres_figure(centres: Mapping[str, Mapping[str, Sequence[float]]], referen
         panel.set_xlabel("x, px")
         bare(panel)
     panels[0].set_ylabel("y, px")
-    panels[-1].legend(fontsize=7, loc="best")
+    legend = {
+        label: handle for panel in panels for handle, label in zip(*panel.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(legend.values(), legend.keys(), loc="outside right center", fontsize=8, frameon=False)
     return figure
