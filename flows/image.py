@@ -6,13 +6,14 @@ The same lines run the steps, as Prefect tasks or not, and look up what is alrea
 from typing import Any
 
 from catalog.digest import sha256_of_json
+from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
 from flows.profile import CORRECTIONS
 from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
 from flows.result import result_of
 from flows.settling import settled
-from flows.verdict import believe
+from flows.verdict import believe, explained
 
 STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
 
@@ -23,6 +24,15 @@ def correct_image(chain: Chain) -> None:
     predicted = pose(chain, frame)
     undistort(chain, frame)
     scene, basemap = scene_inputs(chain, frame, predicted)
+    try:
+        latest = correct_pose(chain, scene, basemap)
+    except PlanetposeError as error:
+        raise explained(error, predicted["pose"]) from error
+    publish(chain, latest, scene, basemap)
+
+
+def correct_pose(chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]) -> str:
+    """All passes and the verdict; returns the name of the step that ended with the corrected pose."""
     latest = "pose"
     for number in range(1, chain.request.profile.passes + 1):
         for correction in chain.request.profile.corrections(number):
@@ -30,7 +40,7 @@ def correct_image(chain: Chain) -> None:
         if number > 1 and settled(chain, number):
             break
     believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
-    publish(chain, latest, scene, basemap)
+    return latest
 
 
 def ingest(chain: Chain) -> dict[str, Any]:

@@ -2,10 +2,14 @@
 
 from typing import Any
 
-from catalog.errors import FailedError
+import numpy as np
+
+from catalog.errors import FailedError, PlanetposeError
+from catalog.pose import Pose
 from flows.chain import Chain
 from flows.profile import AcceptSettings
 
+BEHIND = "target-behind-camera"
 PUBLISHED = ("ok", "doubtful")
 
 
@@ -53,4 +57,19 @@ def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | N
     return (
         f"image-unlike-simulation: image and simulation correlate by only {likeness:.2f} (sure from "
         f"{accept.sure_likeness:g}). Check Sun direction, base map and the picture."
+    )
+
+
+def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeError:
+    """The failure of a correction; when the predicted pose (plain) has the target behind the camera, with that as the
+    reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
+    pose = Pose.from_dict(predicted)
+    off_deg = float(np.degrees(np.arccos(np.clip(pose.target_in_camera_km[2] / pose.range_km, -1, 1))))
+    if off_deg < 90 or error.code in (BEHIND, "interrupted"):
+        return error
+    return type(error)(
+        BEHIND,
+        f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight; with the camera "
+        f"turned to it, {error.fault}",
+        "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km.",
     )

@@ -9,6 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError, RefusedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.brightness import fit_brightness
+from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.match import match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.correction import Correction
@@ -106,11 +108,20 @@ def find_pointing(
     settled, shift, history = settle(
         reduced_observation(observation, n), start, reduced_scene(scene, n), settings, progress
     )
-    if not shift.quality >= settings.min_correlation:
+    share = share_in_frame(settled, scene)
+    if share < settings.min_overlap:
         raise RefusedError(
             "target-not-found",
-            f"image and simulation of {scene.target.name} correlate by only {shift.quality:.2f} "
-            f"(needed {settings.min_correlation}).",
+            f"the disk of {scene.target.name} fits best where only {share:.0%} of it would be in the frame "
+            f"(needed {settings.min_overlap:.0%}).",
+            "Check target, range and Sun direction; a frame without the target gives this too.",
+        )
+    alike = likeness_at(observation, settled, scene)
+    if not min(shift.quality, alike) >= settings.min_correlation:
+        raise RefusedError(
+            "target-not-found",
+            f"image and simulation of {scene.target.name} correlate by only {min(shift.quality, alike):.2f} "
+            f"(needed {settings.min_correlation}; negative: the target would be darker than the sky).",
             "Check target, range, Sun direction and base map.",
         )
     offset = scene.camera.project(settled.target_in_camera_km) - predicted_centre(pose, scene)
@@ -120,8 +131,24 @@ def find_pointing(
         pose=settled,
         changed={"offset_px": offset.tolist()},
         uncertainty={"offset_px": sigma},
-        evidence=evidence | {"history_px": history, "correlation": shift.quality},
+        evidence=evidence | {"history_px": history, "correlation": shift.quality, "likeness": alike},
     )
+
+
+def share_in_frame(pose: Pose, scene: Scene) -> float:
+    """Part of the target's disk that lies in the frame."""
+    centre, size = scene.camera.project(pose.target_in_camera_km), np.array(scene.camera.size_px)
+    steps = np.linspace(-1, 1, 41)
+    across = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    xy = centre + disk_radius_px(pose, scene.camera, scene.target) * across[np.hypot(*across.T) <= 1]
+    return float(((xy > -0.5) & (xy < size - 0.5)).all(axis=1).mean())
+
+
+def likeness_at(observation: Observation, pose: Pose, scene: Scene) -> float:
+    """How like the image the simulation of `pose` is, by a measure that no registration works on (see `likeness`)."""
+    match = with_rim(observation, pose, scene)
+    model, _ = fit_brightness(match, match.simulation.bases)
+    return likeness(match, model)
 
 
 def predicted_centre(pose: Pose, scene: Scene) -> np.ndarray:

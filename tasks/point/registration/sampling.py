@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.errors import FailedError
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import Match
 
@@ -10,9 +11,18 @@ Picture = NDArray[np.float32]
 
 
 def two_pictures(match: Match) -> tuple[Picture, Picture]:
-    """(image, simulation in the image's units), both (ny, nx); unusable pixels of the image show the simulation."""
+    """(image, simulation in the image's units), both (ny, nx); unusable pixels of the image show the simulation.
+
+    Raises FailedError when nothing is to be seen in the simulation.
+    """
     model, _ = fit_brightness(match, match.simulation.bases)
     simulated = model.astype(np.float32)
+    if not np.ptp(simulated) > 0:
+        raise FailedError(
+            "did-not-converge",
+            "the registration has moved the target out of the frame, or its brightness to nothing.",
+            "Check the picture, range and Sun direction.",
+        )
     return np.where(match.usable, match.image, simulated).astype(np.float32), simulated
 
 
