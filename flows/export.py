@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalog.errors import PlanetposeError, RefusedError
+from tasks.export.map_grid import PROJECTIONS
+from tasks.export.map_image import KERNELS
 from tasks.export.pixels import Selection
 from tasks.export.source import Source
 
@@ -32,11 +34,16 @@ class ExportSettings:
     selection: Selection = field(default_factory=Selection)
 
     def __post_init__(self) -> None:
-        unknown = [name for name in self.formats if name not in FORMATS]
-        if unknown or not self.formats:
-            raise RefusedError(
-                "format-unknown", f"no export format {', '.join(unknown)}.", f"Known are {', '.join(FORMATS)}."
-            )
+        chosen = {
+            "format": (self.formats, FORMATS),
+            "projection": ((self.projection,), PROJECTIONS),
+            "kernel": ((self.kernel,), KERNELS),
+        }
+        for what, (given, known) in chosen.items():
+            unknown = [name for name in given if name not in known]
+            if unknown or not given:
+                fault = f"there is no {what} {', '.join(unknown)}." if unknown else f"no {what} is given."
+                raise RefusedError(f"{what}-unknown", fault, f"Known are {', '.join(known)}.")
 
 
 @dataclass

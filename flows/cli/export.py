@@ -62,7 +62,7 @@ def export(
             formats, projection, resolution_km, central_longitude_deg, kernel, selection=selection, **emission
         )
     except RefusedError as error:
-        raise typer.BadParameter(str(error), param_hint="--format") from error
+        raise typer.BadParameter(str(error), param_hint=f"--{error.code.removesuffix('-unknown')}") from error
     folders = [folder for path in paths for folder in products_in(path)]
     with clean_stdout() as answer:
 

@@ -215,7 +215,7 @@ def test_selections_run_through_the_meridian_and_refuse_nothing_silently(store, 
 
 
 def test_unknown_formats_are_refused_and_bodies_have_a_class():
-    with pytest.raises(RefusedError, match="no export format shapefile"):
+    with pytest.raises(RefusedError, match="no format shapefile"):
         ExportSettings(("fits", "shapefile"))
     europa = small_publication().target
     classes = {599: "planet", 999: "dwarf_planet", 301: "satellite", 2000004: "asteroid", 1000012: "comet"}

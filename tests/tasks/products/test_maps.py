@@ -13,6 +13,7 @@ from tasks.export.source import read_source
 from tasks.project.planes import project_planes
 from tasks.project.points import pixels_of_points, surface_points
 from tasks.publish.cube import cube_dataset, write_cube
+from tasks.publish.publication import SensorFrame
 
 PROJECTIONS = ("equirectangular", "orthographic", "polar-stereographic")
 SPOT_SIGMA_PX = 1.2
@@ -166,3 +167,32 @@ def test_maps_of_bodies_with_and_without_an_iau_code_have_a_named_sphere():
     grid = grid_of(projection, projection.extent_m)
     assert grid.shape[1] == 2 * grid.shape[0]
     assert projection.crs.coordinate_operation.to_json_dict()["parameters"][1]["value"] in (0, 180)
+
+
+def test_a_cube_of_raw_pixels_is_mapped_from_the_undistorted_frame_with_its_unusable_pixels_as_holes(tmp_path):
+    pose, spot = looking_at(20.0, 130.0), (10.0, 120.0)
+    undistorted = small_publication("S", pose_after=pose).observation
+    place = pixels_of_points(pose, small_publication().camera, surface_points(EUROPA, *spot))
+    y, x = np.indices(undistorted.image.shape)
+    image = np.exp(-((x - place[0]) ** 2 + (y - place[1]) ** 2) / (2 * SPOT_SIGMA_PX**2)).astype(np.float32)
+    places = np.stack([3.0 + 0.96 * x, 2.0 + 0.97 * y], axis=-1)  # where the raw pixels are in the undistorted frame
+    quality = np.zeros(image.shape, np.uint16)
+    quality[90:93, 90:93] = Quality.RESEAU
+    sensor = SensorFrame(Observation(np.full_like(image, 5), np.ones_like(image), quality), places)
+    observation = Observation(image, undistorted.noise, undistorted.quality)
+    write_cube(
+        cube_dataset(small_publication("S", pose_after=pose, observation=observation, sensor=sensor)),
+        tmp_path / "cube.zarr",
+    )
+    source = read_source(tmp_path)
+    known = np.isfinite(source.undistorted_image())
+    hole = places[91, 91]
+    assert not known[int(hole[1]), int(hole[0])]
+    assert 9 <= (~known[20:140, 20:140]).sum() <= 36
+    assert not known[:, 158:].any()  # no raw pixel reaches there
+    mapped = map_image(source, "equirectangular")
+    grid = mapped.grid
+    x_m, y_m = grid.projection.map_place(np.array(spot[0]), np.array(spot[1]))
+    row, column = np.unravel_index(np.nanargmax(mapped.layers["image"]), grid.shape)
+    assert abs(row + 0.5 - (grid.y0_m - y_m) / grid.step_m) <= 1
+    assert abs(column + 0.5 - (x_m - grid.x0_m) / grid.step_m) <= 1
