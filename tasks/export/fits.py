@@ -12,15 +12,17 @@ from tasks.export.source import Source
 from tasks.publish.variables import DIMENSIONS, FLAGS, variables_of
 
 if TYPE_CHECKING:
-    from astropy.io.fits import Header
+    import xarray as xr
+    from astropy.io.fits import Header, ImageHDU
 
 FITS_UNITS = {"degrees_north": "deg", "degrees_east": "deg", "degree": "deg", "km": "km"}
 TEXT_LIMIT = 60
 
 
 def write_backplanes(source: Source, path: Path) -> Path:
-    """Write the product as a multi-extension FITS file and return `path`. EXTNAMEs are the cube's names in capitals;
-    row 1 of the file is the top of the picture, as in the cube. Undistorted frames carry the sky's WCS (TAN)."""
+    """Write the product as a multi-extension FITS file and return `path`: the cube's planes, and those that
+    `planetpose planes` added. EXTNAMEs are their names in capitals; row 1 of the file is the top of the picture, as in
+    the cube. Undistorted frames carry the sky's WCS (TAN)."""
     from astropy.io import fits
 
     primary = fits.PrimaryHDU(source.cube["image"].values)
@@ -40,9 +42,20 @@ def write_backplanes(source: Source, path: Path) -> Path:
             for flag in FLAGS:
                 plane.header.add_comment(f"bit value {int(flag)}: {str(flag.name).lower()}")
         planes.append(plane)
+    planes += [_extra_plane(array) for array in source.extra_planes().values()]
     with file_put_in_place(path) as temporary, temporary.open("wb") as file:
         fits.HDUList([primary, *planes]).writeto(file, checksum=True)
     return path
+
+
+def _extra_plane(array: "xr.DataArray") -> "ImageHDU":
+    from astropy.io import fits
+
+    plane = fits.ImageHDU(array.values, name=str(array.name).upper())
+    units = str(array.attrs.get("units", ""))
+    plane.header["BUNIT"] = FITS_UNITS.get(units, "" if units == "1" else units)
+    plane.header.add_comment(_text(array.attrs.get("long_name", ""), 200))
+    return plane
 
 
 def _describe(header: "Header", source: Source) -> None:
@@ -97,6 +110,6 @@ def _add_sky(header: "Header", source: Source) -> None:
     header.update(wcs.to_header())
 
 
-def _text(value: object) -> str:
-    """A header value of printable ASCII that fits on a card."""
-    return str(value).encode("ascii", "replace").decode()[:TEXT_LIMIT]
+def _text(value: object, limit: int = TEXT_LIMIT) -> str:
+    """Printable ASCII of at most `limit` characters: a header's value that fits on a card."""
+    return str(value).encode("ascii", "replace").decode()[:limit]

@@ -14,6 +14,7 @@ from catalog.observation import UNUSABLE
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.publish.cube import open_cube
+from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE
 from tasks.publish.publication import SENSOR
 
@@ -51,6 +52,13 @@ class Source:
             usable = (self.cube["quality"].values & UNUSABLE) == 0
             image = self.cube["image"].values
         return np.where(usable, image, np.float32(np.nan)).astype(np.float32)
+
+    def extra_planes(self) -> dict[str, "xr.DataArray"]:
+        """Planes that were added beside the cube, by name; read."""
+        if not (self.folder / EXTRA).is_dir():
+            return {}
+        with open_cube(self.folder / EXTRA) as extra:
+            return {str(name): array.load() for name, array in extra.data_vars.items()}
 
 
 def read_source(folder: Path) -> Source:

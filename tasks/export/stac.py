@@ -11,6 +11,7 @@ from tasks.export.footprint import footprint
 from tasks.export.map_grid import MapGrid, body_crs
 from tasks.export.map_image import finest_resolution_km
 from tasks.export.source import Source
+from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE, OVERLAY, RESULT
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ MEDIA_TYPES = {
     ".parquet": "application/vnd.apache.parquet",
 }
 COG_TYPE = "image/tiff; application=geotiff; profile=cloud-optimized"
-ROLES = {CUBE: ["data"], OVERLAY: ["overview", "thumbnail"], RESULT: ["metadata"]}
+ROLES = {CUBE: ["data"], EXTRA: ["data"], OVERLAY: ["overview", "thumbnail"], RESULT: ["metadata"]}
 
 
 def stac_item(source: Source, exported: Mapping[str, Path], grid: MapGrid | None = None) -> "pystac.Item":
@@ -65,7 +66,7 @@ def stac_item(source: Source, exported: Mapping[str, Path], grid: MapGrid | None
     ProjectionExtension.ext(item, add_if_missing=True).apply(
         epsg=None, wkt2=body_crs(source.target).to_wkt("WKT2_2019"), bbox=box
     )
-    for name in (CUBE, OVERLAY, RESULT):
+    for name in (CUBE, EXTRA, OVERLAY, RESULT):
         if (source.folder / name).exists():
             item.add_asset(name.partition(".")[0], _asset(source.folder / name, ROLES[name]))
     for kind, path in exported.items():

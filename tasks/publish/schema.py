@@ -15,6 +15,7 @@ A store is a folder with one folder per image, the product, and one index. Produ
 ```
 STORE/index.parquet            one row per image
 STORE/PRODUCT/cube.zarr        Zarr v3 group, the geometry cube
+STORE/PRODUCT/planes.zarr      further planes of the same pixels, where `planetpose planes` added them
 STORE/PRODUCT/overlay.png      image, predicted and corrected limb, grid, terminator
 STORE/PRODUCT/result.json      the object that `planetpose correct --json` prints
 STORE/PRODUCT/settings.json    every setting, defaults included

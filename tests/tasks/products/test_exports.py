@@ -25,6 +25,7 @@ from tasks.export.source import read_source
 from tasks.export.stac import target_class
 from tasks.publish import publish
 from tasks.publish.cube import cube_dataset, write_cube
+from tasks.publish.extra_planes import write_extra_planes
 
 SETTINGS = ExportSettings(FORMATS, "orthographic")
 
@@ -33,6 +34,7 @@ SETTINGS = ExportSettings(FORMATS, "orthographic")
 def store(tmp_path_factory):
     store = tmp_path_factory.mktemp("store")
     publish(small_publication("C0001"), store)
+    write_extra_planes(store / "C0001", ("right_ascension", "shadow"))
     write_cube(cube_dataset(small_publication("C0002", provenance={})), store / "C0002" / "cube.zarr")
     (store / "C0003").mkdir()
     return store
@@ -77,6 +79,9 @@ def test_astropy_finds_the_planes_and_the_sky(store, files):
         assert np.array_equal(hdus[0].data, source.cube["image"].values)
         for name in ("latitude", "longitude", "incidence", "emission", "phase", "range_km", "quality"):
             assert np.array_equal(hdus[name].data, source.cube[name].values, equal_nan=name != "quality"), name
+        assert np.isfinite(hdus["RIGHT_ASCENSION"].data).all()
+        assert hdus["RIGHT_ASCENSION"].header["BUNIT"] == "deg"
+        assert set(np.unique(hdus["SHADOW"].data[np.isfinite(hdus["SHADOW"].data)])) == {0.0, 1.0}
         assert hdus["INCIDENCE"].header["BUNIT"] == "deg"
         assert hdus["QUALITY"].data.dtype == np.uint16
         assert header["OBJECT"] == "europa"
@@ -146,7 +151,7 @@ def test_pystac_reads_a_valid_collection_whose_assets_exist(files, store):
     for item in items.values():
         validator.validate_core(item.to_dict(), STACObjectType.ITEM, pystac.get_stac_version())
     item = items["C0001"]
-    assert {"cube", "overlay", "result", "fits", "cog", "csv"} <= set(item.assets)
+    assert {"cube", "planes", "overlay", "result", "fits", "cog", "csv"} <= set(item.assets)
     for asset in item.assets.values():
         assert not asset.href.startswith("/")
         with open(asset.get_absolute_href() + ("/zarr.json" if ".zarr" in asset.href else ""), "rb") as file:
