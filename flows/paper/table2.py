@@ -1,20 +1,26 @@
 """Table 2, figures 11 and 12: offsets and range factors per camera, from the supplement and an evaluation."""
 
-import json
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from catalog.errors import RefusedError
 from catalog.europa57 import paper_images
+from flows.paper.evaluation import (
+    Found,
+    by_profile,
+    camera_entry,
+    evaluation_table,
+    offsets,
+    read_evaluation,
+    statistics,
+    verdict_table,
+)
 from flows.paper.section import Cell, Compared, Context, Picture, Section, Table
 from tasks.pictures.charts import histograms_figure
 
 NAME = "table2"
 TITLE = "Table 2, figures 11 and 12: offsets and range factors per camera"
-EVALUATION_FILES = ("evaluate.json", "evaluation.json")
 # (mean, smallest, largest) of the length of the offset, of |x| and of |y|, pixels.
 PAPER_OFFSETS_PX: dict[str, tuple[tuple[float, ...], ...]] = {
     "voyager1-nac": ((186.1, 0.0, 796.4), (160.9, 0.0, 537.2), (64.6, 0.0, 777.0)),
@@ -37,7 +43,8 @@ TEXT = (
 
 def table2(context: Context) -> Section:
     """Statistics per camera of the paper, its supplement and the evaluation."""
-    evaluated = by_profile(read_evaluation(context.evaluation)) if context.evaluation else {}
+    read = read_evaluation(context.evaluation) if context.evaluation else {"images": [], "summary": []}
+    evaluated = by_profile(read["images"])
     kdist = factors_of_supplement()
     content: dict[str, Any] = {
         "paper_offsets_px": {camera: dict(zip(("length", "x", "y"), own, strict=True))
@@ -56,6 +63,8 @@ def table2(context: Context) -> Section:
         compared += compare(profile, found)
         tables.append(evaluation_table(profile, found))
         pictures += evaluation_pictures(context, profile, found)
+    if read["summary"]:
+        tables.append(verdict_table(read["summary"]))
     return Section(NAME, TITLE, content, compared, tables, pictures, text)
 
 
@@ -64,68 +73,6 @@ def factors_of_supplement() -> dict[str, list[float]]:
     images = paper_images().values()
     cameras = dict.fromkeys(image.camera for image in images)
     return {camera: [image.range_factor for image in images if image.camera == camera] for camera in cameras}
-
-
-def statistics(values: Sequence[float]) -> dict[str, float]:
-    """Count, mean, smallest, largest."""
-    known = np.array(values, float)
-    return {"images": len(known), "mean": float(known.mean()), "min": float(known.min()), "max": float(known.max())}
-
-
-def read_evaluation(folder: Path) -> list[dict[str, Any]]:
-    """The images of an evaluation. Raises RefusedError when the folder holds none."""
-    path = next((folder / name for name in EVALUATION_FILES if (folder / name).is_file()), None)
-    remedy = "Give the folder that `planetpose evaluate --out` wrote."
-    if path is None:
-        raise RefusedError("evaluation-missing", f"{folder} holds no {EVALUATION_FILES[0]}.", remedy)
-    try:
-        images: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["images"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise RefusedError("evaluation-unreadable", f"{path} is no evaluation ({error!r}).", remedy) from error
-    return images
-
-
-def by_profile(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:
-    """Images with a pose before and after, by profile."""
-    whole = [row for row in rows if row.get("before") and row.get("after")]
-    return {p: [row for row in whole if row["profile"] == p] for p in dict.fromkeys(row["profile"] for row in whole)}
-
-
-Found = dict[str, dict[str, np.ndarray]]
-
-
-def offsets(rows: Sequence[Mapping[str, Any]]) -> Found:
-    """Per camera: found_px (n, 2) corrected minus predicted centre; error_px (n, 2) what is left of it; factor (n,)
-    found range factor; factor_error (n,)."""
-    found: Found = {}
-    for camera in dict.fromkeys(str(row["camera"]) for row in rows):
-        own = [row for row in rows if row["camera"] == camera]
-        before, after = (np.array([row[when]["centre_px"] for row in own], float) for when in ("before", "after"))
-        ranges = [np.array([row[when]["range_error"] for row in own], float) for when in ("before", "after")]
-        found[camera] = {
-            "found_px": after - before,
-            "error_px": after,
-            "factor": (1 + ranges[1]) / (1 + ranges[0]),
-            "factor_error": ranges[1],
-        }
-    return found
-
-
-def camera_entry(own: dict[str, np.ndarray]) -> dict[str, Any]:
-    """One camera of an evaluation in paper.json."""
-    error = np.hypot(*own["error_px"].T)
-    return {
-        "found_px": {name: statistics(values) for name, values in lengths(own["found_px"]).items()},
-        "centre_error_px": statistics(error.tolist()) | {"median": float(np.median(error))},
-        "range_factor": statistics(own["factor"].tolist()),
-        "range_error": {"median": float(np.median(np.abs(own["factor_error"]))),
-                        "max": float(np.abs(own["factor_error"]).max())},
-    }  # fmt: skip
-
-
-def lengths(pairs: np.ndarray) -> dict[str, list[float]]:
-    """Length, |x| and |y| of offsets (n, 2)."""
-    return {"length": np.hypot(*pairs.T).tolist(), "x": np.abs(pairs[:, 0]).tolist(), "y": np.abs(pairs[:, 1]).tolist()}
 
 
 def compare(profile: str, found: Found) -> list[Compared]:
@@ -154,22 +101,6 @@ def factor_table(caption: str, factors: Mapping[str, Sequence[float]]) -> Table:
         own = statistics(values)
         rows.append([camera, own["images"], own["mean"], own["min"], own["max"], sum(v > 1 for v in values)])
     return Table(caption, ("camera", "images", "mean", "smallest", "largest", "above 1"), rows, 4)
-
-
-def evaluation_table(profile: str, found: Found) -> Table:
-    """What an evaluation found, and what error it left, per camera."""
-    header = ("camera", "images", "found offset mean", "min", "max", "|x| mean", "|y| mean", "left: median",
-              "left: largest", "range factor min", "max", "range error, median 1e-4")  # fmt: skip
-    rows: list[list[Cell]] = []
-    for camera, own in found.items():
-        entry = camera_entry(own)
-        length, left = entry["found_px"]["length"], entry["centre_error_px"]
-        rows.append([
-            camera, length["images"], length["mean"], length["min"], length["max"], entry["found_px"]["x"]["mean"],
-            entry["found_px"]["y"]["mean"], left["median"], left["max"], f"{entry['range_factor']['min']:.4f}",
-            f"{entry['range_factor']['max']:.4f}", 1e4 * entry["range_error"]["median"],
-        ])  # fmt: skip
-    return Table(f"Evaluation, profile {profile}: offsets found and what is left of them, pixels", header, rows)
 
 
 def evaluation_pictures(context: Context, profile: str, found: Found) -> list[Picture]:

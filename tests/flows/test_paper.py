@@ -11,12 +11,13 @@ import typer
 
 from catalog.errors import RefusedError
 from flows.cli.paper import usable_parts
+from flows.evaluate_summary import summary_of
+from flows.paper.evaluation import camera_entry, offsets, read_evaluation
 from flows.paper.page import page
 from flows.paper.parts import PARTS
 from flows.paper.report import Report, write_report
 from flows.paper.section import Compared, Section, Table
 from flows.paper.table1 import PAPER_FOUND_PX
-from flows.paper.table2 import camera_entry, offsets, read_evaluation
 from tasks.paper.planted_offset import PLANTED_PX
 from tasks.point.registration import REGISTRATIONS
 
@@ -135,9 +136,14 @@ def test_an_unknown_part_is_refused_with_the_names_of_those_there_are(tmp_path: 
     assert usable_parts("projection,table1") == ["table1", "projection"]
 
 
+UNTURNED = {"about_sight_deg": 0.0, "across_sight_deg": 0.0, "surface_px": 0.0}
+ENDED = {"product": "made", "status": "ok", "code": None, "steps": {}, "sigmas": None, "seconds": {"point-1": 2.0}}
+
+
 def evaluated(camera: str, before: list[float], after: list[float], ranges: tuple[float, float]) -> dict[str, Any]:
     errors = [
-        {"centre_px": centre, "range_error": error} for centre, error in zip((before, after), ranges, strict=True)
+        {"centre_px": centre, "range_error": error, "centre_error_px": float(np.hypot(*centre)), **UNTURNED}
+        for centre, error in zip((before, after), ranges, strict=True)
     ]
     return {"profile": "paper", "camera": camera, "before": errors[0], "after": errors[1]}
 
@@ -148,13 +154,18 @@ def test_offsets_of_an_evaluation_are_what_the_correction_moved(tmp_path: Path) 
         evaluated("voyager1-nac", [0.0, 10.0], [0.0, 0.0], (0.0, 0.0)),
         {"profile": "paper", "camera": "voyager1-nac", "before": None, "after": None},
     ]
-    (tmp_path / "evaluate.json").write_text(json.dumps({"images": rows}))
-    entry = camera_entry(offsets(read_evaluation(tmp_path)[:2])["voyager1-nac"])
+    known = [{**row, **ENDED} for row in rows]
+    (tmp_path / "evaluate.json").write_text(json.dumps({"images": rows, "summary": summary_of(known)}))
+    entry = camera_entry(offsets(read_evaluation(tmp_path)["images"][:2])["voyager1-nac"])
     assert entry["found_px"]["x"] == pytest.approx({"images": 2, "mean": 15.15, "min": 0, "max": 30.3})
     assert entry["found_px"]["y"]["max"] == pytest.approx(39.6)
     assert entry["centre_error_px"]["max"] == pytest.approx(0.5)
     assert entry["range_factor"]["min"] == pytest.approx(1 / 1.01)
-    content = json.loads(write_report(tmp_path / "report", ["table2"], tmp_path).json_file.read_text())
+    report = write_report(tmp_path / "report", ["table2"], tmp_path)
+    content = json.loads(report.json_file.read_text())
+    ended = report.sections[0].tables[-1].rows[0]
+    assert list(ended[:8]) == ["paper", "voyager1-nac", 3, 3, 0, 0, 0, 0]
+    assert ended[8] == pytest.approx(0.25)  # median of what is left of the centre's error
     (compared,) = content["table2"]["compared"]
     assert (compared["paper"], compared["difference"]) == pytest.approx((186.1, compared["ours"] - 186.1))
 
