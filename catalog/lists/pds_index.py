@@ -2,7 +2,6 @@
 
 import csv
 import re
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Any
 from catalog.errors import RefusedError
 from catalog.lists.model import ImageEntry
 from catalog.lists.tables import Row
+from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.label_values import middle_et, number, text
 from catalog.readers.names import camera_of_names, instrument_names, target_of_label
-from catalog.readers.pds3_label import MAX_LABEL_BYTES, PARSER_FAULTS, check_size_of_label
 from catalog.safe_name import safe_product_name
 from catalog.times import et_from_utc, utc_from_et
 
@@ -62,19 +61,12 @@ def unusable(path: Path, fault: str, remedy: str = "Fetch label and table again.
 
 
 def _parsed(path: Path) -> Any:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        import pvl
-        from pvl.exceptions import LexerError, ParseError, QuantityError
-
     if not path.is_file() or path.stat().st_size > LONGER * MAX_LABEL_BYTES:
         raise unusable(path, "there is no label of a sane size", "Check the path.")
-    content = path.read_bytes().decode("latin-1")
     try:
-        check_size_of_label(content, LONGER)
-        return pvl.loads(content)
-    except (LexerError, ParseError, QuantityError, *PARSER_FAULTS) as error:
-        raise unusable(path, f"no PDS3 label ({error})") from error
+        return load_pvl(path.read_bytes().decode("latin-1"), LONGER)
+    except ValueError as error:
+        raise unusable(path, str(error)) from error
 
 
 def _beside(label: Path, name: str) -> Path:

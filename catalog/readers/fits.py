@@ -23,6 +23,7 @@ from catalog.readers.reading import Reading, checked_shape, unreadable
 
 MAX_HEADER_BYTES = 2_000_000
 MAX_HDUS = 100
+BLOCK_BYTES = 2880
 NOISE_NAMES = ("NOISE", "ERROR", "ERR", "SIGMA", "UNCERT")
 ALL_BITS = sum(Quality)
 REMEDY_COMPRESSED = "Unpack it, for example with `funpack`."
@@ -97,6 +98,8 @@ def _plane(path: Path, hdu: Any) -> NDArray[Any]:
     end = hdu.fileinfo()["datLoc"] + lines * samples * abs(int(hdu.header["BITPIX"])) // 8
     if end > path.stat().st_size:
         raise unreadable(path, f"truncated: its pixels should reach byte {end}, the file has {path.stat().st_size}")
+    if path.stat().st_size % BLOCK_BYTES and end != path.stat().st_size:
+        raise unreadable(path, f"its {path.stat().st_size} bytes are no whole FITS blocks: bytes were lost or put in")
     data = np.asarray(hdu.data)
     if data.size != lines * samples or data.dtype.kind not in "iuf":
         raise unreadable(path, f"its pixels have the shape {data.shape} and type {data.dtype}")

@@ -19,6 +19,7 @@ LABEL_START = re.compile(rb"LBLSIZE *= *(\d{1,9})\b")
 MAX_LABEL_BYTES = 200_000
 MAX_KEYWORDS = 3000  # the parser takes about a millisecond for each
 MAX_ITEMS = 5000
+DISK_BLOCK_BYTES = 512
 SAMPLE_BYTES = {"BYTE": 1, "HALF": 2, "WORD": 2, "FULL": 4, "LONG": 4, "REAL": 4, "DOUB": 8}
 INTEGER_KINDS = {"BYTE": "u1", "HALF": "i2", "WORD": "i2", "FULL": "i4", "LONG": "i4"}
 
@@ -46,10 +47,26 @@ def read_vicar(path: Path) -> tuple[dict[str, Any], NDArray[Any]]:
     label = _parsed(path, text)
     layout = _layout(path, label, label_bytes)
     pixels = _pixels(path, layout)
-    if _integer(path, label, "EOL", 0):
-        extension_start = layout.offset + layout.lines * layout.record_bytes
-        label = {**_extension(path, extension_start), **label}
+    end = layout.offset + layout.lines * layout.record_bytes
+    continued = bool(_integer(path, label, "EOL", 0))
+    _check_end(path, end, layout.record_bytes, continued)
+    if continued:
+        label = {**_extension(path, end), **label}
     return label, pixels
+
+
+def _check_end(path: Path, end: int, record_bytes: int, continued: bool) -> None:
+    """Refuse a file in which bytes were lost or put in, so that the picture is shifted: behind the pixels must come the
+    label's continuation, or nothing, or whole records, or what fills up disk blocks."""
+    size = path.stat().st_size
+    if size == end:
+        return
+    if continued:
+        sound = LABEL_START.match(bytes_at(path, end, min(40, size - end), "its label's end")) is not None
+    else:
+        sound = size % DISK_BLOCK_BYTES == 0 or (size - end) % record_bytes == 0
+    if not sound:
+        raise unreadable(path, f"its pixels should end at byte {end} of {size}: bytes were lost or put in on the way")
 
 
 def _label_text(path: Path, offset: int) -> tuple[str, int]:
