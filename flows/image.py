@@ -120,13 +120,18 @@ def pose_inputs(chain: Chain, step: str) -> Any:
 
 
 def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict[str, Any], basemap: Any) -> str:
-    """One of point, range, attitude; returns the step's name. Only the first pass searches the whole frame."""
+    """One of the corrections; returns the step's name. Only the first pass searches the whole frame."""
     settings = chain.request.profile.settings_of(correction, number)
     if correction == "point" and number > 1:
         settings["coarse"] = False
     name = f"{correction}-{number}"
     inputs = scene | {"pose": pose_inputs(chain, latest), "settings": settings}
-    chain.do(name, f"tasks.{correction}.step", inputs, basemap | {"pose": chain.folder(latest)})
+    places = basemap | {"pose": chain.folder(latest)}
+    if correction == "joint":
+        # Its priors are about the predicted pose, and depend on where that comes from.
+        inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_source": chain.records["pose"].result["source"]}
+        places |= {"predicted": chain.folder("pose")}
+    chain.do(name, f"tasks.{correction}.step", inputs, places)
     return name
 
 

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from catalog.errors import RefusedError
 from tasks.attitude import AttitudeSettings
+from tasks.joint import JointSettings
 from tasks.point import PointSettings
 from tasks.range import RangeSettings
 from tasks.roll import RollSettings
@@ -18,8 +19,8 @@ from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
 DEFAULT_PROFILE = "standard"
-CorrectionName = Literal["point", "roll", "range", "attitude"]
-CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude")
+CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
+CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
 # What a pass does unless the profile says otherwise; the paper's order.
 USUAL: tuple[CorrectionName, ...] = ("point", "range", "attitude")
 
@@ -46,8 +47,8 @@ class StillSettings(BaseModel):
 
 
 class LaterPasses(BaseModel):
-    """The second pass and those after it. steps: their corrections, in this order. point, roll, range, attitude:
-    settings; None keeps those of the first pass."""
+    """The second pass and those after it. steps: their corrections, in this order. point, roll, range, attitude,
+    joint: settings; None keeps those of the first pass."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
@@ -55,6 +56,7 @@ class LaterPasses(BaseModel):
     roll: RollSettings | None = None
     range: RangeSettings | None = None
     attitude: AttitudeSettings | None = None
+    joint: JointSettings | None = None
 
 
 class Profile(BaseModel):
@@ -71,6 +73,7 @@ class Profile(BaseModel):
     roll: RollSettings = RollSettings()
     range: RangeSettings = RangeSettings()
     attitude: AttitudeSettings = AttitudeSettings()
+    joint: JointSettings = JointSettings()
     later: LaterPasses = LaterPasses()
     still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")

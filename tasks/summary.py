@@ -10,7 +10,8 @@ from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
 from tasks.plain import plain
 
-KINDS = ("offset_px", "range_factor", "attitude_deg", "roll_deg")
+KINDS = ("offset_px", "range_factor", "attitude_deg", "roll_deg", "range_factor_free", "psf_sigma_px")
+LAST = ("range_factor_free", "psf_sigma_px")
 Corrections = Mapping[str, Mapping[str, Any]]
 
 
@@ -21,8 +22,9 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
     (None when the predicted target is behind the camera). range_factor: corrected by predicted distance. attitude_deg:
     rotation vector of the body's turn, in its own frame; None when no step could determine it. roll_deg: how far the
     camera was turned about the line of sight, from +x towards +y of the picture; None when no step looked for it or
-    could tell. corrections: results of the steps `point-1`, `range-1` ... in the order of doing; the last one of a kind
-    gives the uncertainty.
+    could tell. range_factor_free: the range factor that the image alone asks for, psf_sigma_px: the blur it shows;
+    None unless the joint step was done. corrections: results of the steps `point-1`, `range-1` ... in the order of
+    doing; the last one of a kind gives the uncertainty.
     """
     centre, predicted = (camera.project(pose.target_in_camera_km) for pose in (after, before))
     sigma = {key: last_uncertainty(corrections, key) for key in KINDS}
@@ -35,6 +37,7 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
         "range_factor": after.range_km / before.range_km,
         "attitude_deg": plain(turn) if determined(corrections, "attitude_deg") else None,
         "roll_deg": rolled_deg(corrections),
+        **{key: last_change(corrections, key) for key in LAST},
         "uncertainty": {"centre_px": sigma["offset_px"], **sigma},
         "pose": after.to_dict(),
     }
@@ -45,6 +48,12 @@ def rolled_deg(corrections: Corrections) -> float | None:
     rolls = [result["changed"].get("roll_deg") for result in corrections.values()]
     known = [float(roll) for roll in rolls if roll is not None]
     return sum(known) if known else None
+
+
+def last_change(corrections: Corrections, key: str) -> Any:
+    """What the last step that changed `key` says, or None."""
+    found = [result["changed"].get(key) for result in corrections.values()]
+    return next((value for value in reversed(found) if value is not None), None)
 
 
 def determined(corrections: Corrections, key: str) -> bool:

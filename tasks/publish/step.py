@@ -18,7 +18,7 @@ from tasks.undistort.model import Identity
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
 
-CORRECTIONS = ("point", "roll", "range", "attitude")
+CORRECTIONS = ("point", "roll", "range", "attitude", "joint")
 LIBRARIES = (
     "planetpose",
     "numpy",

@@ -1,6 +1,6 @@
 """Photometric laws: reflectance of a surface of unit albedo, relative, from the cosines of incidence and emission."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,26 @@ def _mu0_mu(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
 
 def _mu0_squared(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
     return mu0 * mu0
+
+
+def _minnaert_half(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
+    """mu0^k mu^(k-1) with k = 1/2 (Minnaert 1941, Astrophys. J. 93, 403): bright at the limb."""
+    return np.sqrt(mu0 / np.maximum(mu, np.float32(1e-3)))
+
+
+LAWS: dict[str, Law] = {
+    "lambert": lambert,
+    "lommel-seeliger": lommel_seeliger,
+    "lunar-lambert": lunar_lambert,
+    "mu0-mu": _mu0_mu,
+    "mu0-squared": _mu0_squared,
+    "minnaert-half": _minnaert_half,
+}
+
+
+def laws(names: Sequence[str]) -> tuple[Law, ...]:
+    """The laws of these names."""
+    return tuple(LAWS[name] for name in names)
 
 
 # One law is one basis image; a mixture leaves the image to say how much of each (DESIGN, what decides accuracy).

@@ -1,0 +1,136 @@
+"""The image as a function of the unknowns, linearised at one state from one rendering of its geometry.
+
+image = (1 + gain) PSF * (sum_k c_k albedo f_k + sum_l d_l f_l) + background. The weights c, d, the tiles' gains and the
+background are linear; of the others the derivatives follow from the rendered geometry: a disk that moves, grows or is
+rolled carries its image along, a body that is turned changes the albedo under each pixel.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State
+from tasks.joint.settings import JointSettings
+from tasks.joint.surface import FineSurface, fine_surface
+from tasks.joint.tiles import Tiles, tiles_of
+from tasks.simulate import Scene
+from tasks.simulate.photometry import Law, laws
+from tasks.simulate.scene import detect
+from tasks.simulate.window import Window, disk_radius_px
+
+Image = NDArray[np.float32]
+PSF_STEP = 0.04
+
+
+@dataclass(frozen=True)
+class Model:
+    """The rendered surface at `state` under `window`, and the images that do not depend on the linear weights.
+
+    bases: (k, ny, nx), mapped laws first, then plain ones. background: (b, ny, nx). centre_px: target's
+    centre in the window.
+    """
+
+    state: State
+    window: Window
+    oversample: int
+    surface: FineSurface
+    laws: tuple[Law, ...]
+    mapped: int
+    phase_deg: float
+    bases: Image
+    background: Image
+    coverage: Image
+    mu0: Image
+    centre_px: NDArray[np.float64]
+    tiles: Tiles
+
+    def brightness(self, weights: NDArray) -> Image:
+        """The disk without gains and background, by the bases' weights (k,)."""
+        return np.tensordot(np.asarray(weights, np.float32), self.bases, 1)
+
+    def columns(self) -> Image:
+        """Images of the linear unknowns (k + b, ny, nx)."""
+        return np.concatenate([self.bases, self.background])
+
+    def local(self, weights: NDArray) -> Image:
+        """Images of a tile's unknowns (3, ny, nx): gain and its two slopes, at the bases' weights (k,)."""
+        bright = self.brightness(weights)
+        return np.stack([bright, bright * self.tiles.along, bright * self.tiles.across])
+
+    def derivatives(self, weights: NDArray, gain: Image) -> Image:
+        """Change of the image (8, ny, nx) per unit of each unknown of `parameters.NAMES`, at the bases'
+        weights (k,) and the tiles' gains (ny, nx)."""
+        s, sigma = self.oversample, self.state.psf_sigma_px
+        reflectance = [law(self.surface.mu0, self.surface.mu, self.phase_deg) for law in self.laws]
+        shading = self.surface.cover * _weighted(reflectance[: self.mapped], weights[: self.mapped])
+        fine = shading * self.surface.albedo
+        fine += self.surface.cover * _weighted(reflectance[self.mapped :], weights[self.mapped :])
+        factor = 1 + gain
+        gradient_y, gradient_x = np.gradient(fine)
+        gradient_x *= s
+        gradient_y *= s
+        ny, nx = fine.shape
+        x = ((np.arange(nx, dtype=np.float32) + 0.5) / s - 0.5 - np.float32(self.centre_px[0]))[None, :]
+        y = ((np.arange(ny, dtype=np.float32) + 0.5) / s - 0.5 - np.float32(self.centre_px[1]))[:, None]
+        changes: dict[int, Image] = {}
+        changes[0], changes[1] = -gradient_x, -gradient_y
+        changes[RANGE] = x * gradient_x + y * gradient_y
+        changes[ROLL] = np.float32(np.pi / 180) * (y * gradient_x - x * gradient_y)
+        for number, axis in enumerate(range(ATTITUDE.start, ATTITUDE.stop)):
+            changes[axis] = shading * self.surface.albedo_per_deg[number]
+        out = np.empty((len(NAMES), *self.window.shape), np.float32)
+        for number in range(PSF):
+            out[number] = factor * detect(changes[number], s, sigma)
+        wider = detect(fine, s, sigma * (1 + PSF_STEP))
+        narrower = detect(fine, s, sigma / (1 + PSF_STEP))
+        out[PSF] = factor * (wider - narrower) / np.float32(2 * np.log1p(PSF_STEP))
+        return out
+
+
+def _weighted(images: list[Image], weights: NDArray) -> Image:
+    total = np.zeros((), np.float32)
+    for image, weight in zip(images, weights, strict=True):
+        total = total + np.float32(weight) * image
+    return total
+
+
+def linear_model(scene: Scene, state: State, window: Window, settings: JointSettings) -> Model:
+    """Find the surface at `state` and prepare everything that the linear fit and the derivatives need."""
+    s = settings.oversample or scene.oversample_for(state.pose)
+    surface = fine_surface(scene, state.pose, window, s)
+    phase = state.pose.phase_deg
+    chosen = (*laws(settings.mapped), *laws(settings.plain))
+    bases = []
+    for number, law in enumerate(chosen):
+        reflectance = law(surface.mu0, surface.mu, phase)
+        fine = reflectance * (surface.albedo if number < len(settings.mapped) else 1)
+        bases.append(detect(fine * surface.cover, s, state.psf_sigma_px))
+    centre = scene.camera.project(state.pose.target_in_camera_km) - (window.x0, window.y0)
+    radius = disk_radius_px(state.pose, scene.camera, scene.target)
+    return Model(
+        state=state,
+        window=window,
+        oversample=s,
+        surface=surface,
+        laws=chosen,
+        mapped=len(settings.mapped),
+        phase_deg=phase,
+        bases=np.stack(bases),
+        background=_polynomials(window.shape, centre, radius, 1 if settings.background == "plane" else 0),
+        coverage=detect(surface.cover, s, state.psf_sigma_px),
+        mu0=detect(surface.mu0 * surface.cover, s, 0.0),
+        centre_px=centre,
+        tiles=tiles_of(window.shape, centre, radius, settings.tiles),
+    )
+
+
+def _polynomials(shape: tuple[int, int], centre: NDArray, radius: float, degree: int) -> Image:
+    """Products of Legendre polynomials (n, ny, nx) of total degree up to `degree`, the constant first; the disk spans
+    -1 to 1, and beyond it they keep the value of its edge."""
+    from numpy.polynomial.legendre import legvander
+
+    x, y = ((np.arange(n) - c) / radius for n, c in zip(shape[::-1], centre, strict=True))
+    along, down = (legvander(np.clip(v, -1.1, 1.1), degree) for v in (x, y))
+    powers = [(i, total - i) for total in range(degree + 1) for i in range(total + 1)]
+    return np.stack([np.outer(down[:, j], along[:, i]) for i, j in powers]).astype(np.float32)

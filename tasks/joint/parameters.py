@@ -1,0 +1,61 @@
+"""What the joint estimator moves: eight unknowns, their units, and the pose that a step of them leads to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
+from tasks.point.rotation import pose_moved_by
+
+Array = NDArray[np.float64]
+
+# offset: px of the target's centre. range: logarithm of the factor. roll: degrees, camera about the line to the target.
+# attitude: degrees, rotation vector of the body about its own axes. psf: logarithm of the Gaussian width.
+NAMES = ("x", "y", "range", "roll", "attitude_x", "attitude_y", "attitude_z", "psf")
+OFFSET, RANGE, ROLL, ATTITUDE, PSF = slice(0, 2), 2, 3, slice(4, 7), 7
+GROUPS: dict[str, tuple[int, ...]] = {
+    "offset": (0, 1),
+    "range": (2,),
+    "roll": (3,),
+    "attitude": (4, 5, 6),
+    "psf": (7,),
+}
+
+
+@dataclass(frozen=True)
+class State:
+    """A trial solution: the pose and the Gaussian PSF width, pixels."""
+
+    pose: Pose
+    psf_sigma_px: float
+
+    def moved(self, step: Array, camera: Camera) -> "State":
+        """The state after a step (8,) of the unknowns."""
+        pose = pose_moved_by(self.pose, camera, step[OFFSET]).with_range_factor(float(np.exp(step[RANGE])))
+        pose = rolled(pose, float(step[ROLL]))
+        turn = rotation_from_vector_deg(step[ATTITUDE])
+        pose = pose.replaced(body_from_j2000=turn.T @ pose.body_from_j2000)
+        return State(pose, float(self.psf_sigma_px * np.exp(step[PSF])))
+
+
+def rolled(pose: Pose, roll_deg: float) -> Pose:
+    """Pose whose camera sees the target turned by `roll_deg` about the line of sight, from +x towards +y; its centre
+    stays."""
+    sight = pose.target_in_camera_km / pose.range_km
+    return pose.replaced(camera_from_j2000=rotation_from_vector_deg(roll_deg * sight) @ pose.camera_from_j2000)
+
+
+def difference(state: State, start: State, camera: Camera) -> Array:
+    """The step (8,) from `start` to `state`, in the unknowns' units."""
+    step = np.zeros(len(NAMES))
+    step[OFFSET] = camera.project(state.pose.target_in_camera_km) - camera.project(start.pose.target_in_camera_km)
+    step[RANGE] = np.log(state.pose.range_km / start.pose.range_km)
+    pointed = pose_moved_by(start.pose, camera, step[OFFSET])
+    between = vector_deg_from_rotation(state.pose.camera_from_j2000 @ pointed.camera_from_j2000.T)
+    step[ROLL] = between @ state.pose.target_in_camera_km / state.pose.range_km
+    step[ATTITUDE] = vector_deg_from_rotation((state.pose.body_from_j2000 @ start.pose.body_from_j2000.T).T)
+    step[PSF] = np.log(state.psf_sigma_px / start.psf_sigma_px)
+    return step

@@ -1,0 +1,79 @@
+"""Settings of the joint estimator."""
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Law = Literal["lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half", "lunar-lambert"]
+Group = Literal["offset", "range", "roll", "attitude", "psf"]
+
+
+class PriorSettings(BaseModel):
+    """1-sigma errors that the metadata are believed to have; None leaves the unknown free."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    range_relative: float | None = Field(2e-4, gt=0)
+    roll_deg: float | None = Field(0.2, gt=0)
+    attitude_deg: float | None = Field(1.0, gt=0)
+    psf_relative: float | None = Field(0.25, gt=0)
+
+
+class SourcePriors(BaseModel):
+    """Priors by where the predicted pose comes from: trajectories of kernels and labels are known to some ten
+    kilometres, a pose file may hold anything."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    spice: PriorSettings = PriorSettings()
+    label: PriorSettings = PriorSettings(range_relative=5e-4)
+    file: PriorSettings = PriorSettings(range_relative=0.02, roll_deg=0.3, attitude_deg=3.0)
+
+
+class SystematicSettings(BaseModel):
+    """Errors of map, photometric laws, distortion and PSF that the scatter of the residuals does not show, 1-sigma:
+    centre_px of the centre, limb_px of the radius, degrees of the target's attitude (how well maps agree) and of the
+    camera's roll. Measured on simulated images whose surface is not the estimator's."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    centre_px: float = Field(0.02, ge=0)
+    limb_px: float = Field(0.06, ge=0)
+    attitude_deg: float = Field(0.08, ge=0)
+    roll_deg: float = Field(0.1, ge=0)
+
+
+class TileSettings(BaseModel):
+    """Tiles with a gain of their own. side_px, side_share: length of a side, pixels, and at least this share of the
+    disk's radius. limb_px, limb_share: the same of the depth of the ring of sectors along the limb. gain, slope: what
+    a tile's factor and its change over half a tile are believed to be off by, 1-sigma; 0 holds them."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    side_px: float = Field(12.0, gt=0)
+    side_share: float = Field(0.12, ge=0)
+    limb_px: float = Field(4.0, gt=0)
+    limb_share: float = Field(0.05, ge=0)
+    gain: float = Field(0.3, ge=0)
+    slope: float = Field(0.3, ge=0)
+
+
+class JointSettings(BaseModel):
+    """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
+    markings; they set the map's contrast. tiles: local errors of map and laws. background: sky level, or a plane.
+    hold: unknowns that stay as they are. edge_px: places in the image are known no better than this.
+    terminator: cosine of incidence below which the photometric laws are not trusted. second_start: solve again from
+    elsewhere, and doubt the result when it ends elsewhere."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    mapped: tuple[Law, ...] = Field(
+        ("lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half"), min_length=1
+    )
+    plain: tuple[Law, ...] = ("lambert", "lommel-seeliger")
+    tiles: TileSettings = TileSettings()
+    background: Literal["constant", "plane"] = "plane"
+    hold: tuple[Group, ...] = ()
+    priors: SourcePriors = SourcePriors()
+    systematic: SystematicSettings = SystematicSettings()
+    second_start: bool = True
+    edge_px: float = Field(0.05, ge=0)
+    terminator: float = Field(0.1, ge=0, lt=1)
+    huber: float = Field(2.5, gt=0)
+    max_iterations: int = Field(10, ge=1, le=100)
+    oversample: int | None = Field(None, ge=1, le=16)

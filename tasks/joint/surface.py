@@ -1,0 +1,189 @@
+"""The target's surface under every sub-pixel, in closed form, and how its albedo changes when the body is turned."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.basemap import BaseMap
+from catalog.pose import Pose
+from tasks.compiled import compiled
+from tasks.simulate import Scene
+from tasks.simulate.window import Window
+
+Image = NDArray[np.float32]
+
+# Width of the map's smoothing in sub-pixels: what is finer would be sampled as noise.
+SMOOTHING, MIN_SMOOTHING = 0.5, 0.2
+
+
+@dataclass(frozen=True)
+class FineSurface:
+    """Sub-pixels (ny*s, nx*s): cover, the fraction that the target fills; cosines of incidence and emission (0 off the
+    body and at night); albedo; and its change per degree of turn about each body axis (3, ny*s, nx*s).
+
+    Sub-pixels on the limb are filled in part and carry the limb's own cosines and albedo: counting only those whose
+    centre hits the body would let the limb jump by a share of a sub-pixel.
+    """
+
+    cover: Image
+    mu0: Image
+    mu: Image
+    albedo: Image
+    albedo_per_deg: Image
+
+
+def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int) -> FineSurface:
+    """Intersect the rays of an s x s grid of sub-pixels of `window` with the ellipsoid, in double precision."""
+    camera, radii = scene.camera, np.asarray(scene.target.radii_km, np.float64)
+    rows, columns = (n * oversample for n in window.shape)
+    pixel_rad = pose.range_km / camera.focal_length_px / scene.target.mean_radius_km / oversample
+    albedo = map_as_coarse_as(scene.basemap, pixel_rad)
+    # A difference over about one sub-pixel: finer than what is seen, coarser than the map's own steps.
+    half_step = max(pixel_rad * albedo.shape[0] / np.pi, 0.5)
+    cover, mu0, mu, value = (np.zeros((rows, columns), np.float32) for _ in range(4))
+    change = np.zeros((3, rows, columns), np.float32)
+    first = (
+        (window.x0 - 0.5 + 0.5 / oversample - camera.centre_px[0]) / camera.focal_length_px,
+        (window.y0 - 0.5 + 0.5 / oversample - camera.centre_px[1]) / camera.focal_length_px,
+    )
+    step = 1 / (oversample * camera.focal_length_px)
+    _trace(
+        np.array(first),
+        step,
+        pose.camera_from_body.T / radii[:, None],
+        pose.spacecraft_in_body_km / radii,
+        radii,
+        np.asarray(pose.sun_direction_in_body),
+        albedo,
+        scene.basemap.left_edge_deg,
+        half_step,
+        pixel_rad,
+        (cover, mu0, mu, value, change),
+    )
+    return FineSurface(cover, mu0, mu, value, change)
+
+
+def map_as_coarse_as(basemap: BaseMap, pixel_rad: float) -> Image:
+    """The map's albedo averaged to about `pixel_rad` on the ground: a map finer than the sub-pixels that sample it
+    would come out speckled."""
+    rows = basemap.albedo.shape[0]
+    pixels = pixel_rad * rows / np.pi
+    return _averaged(_Kept(basemap), max(1, int(pixels)), round(SMOOTHING * pixels / max(1, int(pixels)), 1))
+
+
+class _Kept:
+    """A map as a key of the cache below."""
+
+    def __init__(self, basemap: BaseMap) -> None:
+        self.basemap = basemap
+
+    def __hash__(self) -> int:
+        return id(self.basemap.albedo)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Kept) and other.basemap.albedo is self.basemap.albedo
+
+
+@lru_cache(maxsize=4)
+def _averaged(kept: _Kept, factor: int, sigma: float) -> Image:
+    import cv2
+
+    albedo = kept.basemap.albedo
+    rows, columns = albedo.shape
+    if factor > 1:
+        albedo = cv2.resize(albedo, (columns // factor, rows // factor), interpolation=cv2.INTER_AREA)
+    if sigma < MIN_SMOOTHING:
+        return albedo
+    rim = int(np.ceil(4 * sigma))
+    wrapped = cv2.copyMakeBorder(albedo, 0, 0, rim, rim, cv2.BORDER_WRAP)
+    return np.ascontiguousarray(cv2.GaussianBlur(wrapped, (0, 0), sigma)[:, rim:-rim])
+
+
+@compiled
+def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg, half_step, pixel_rad, out):  # type: ignore[no-untyped-def]
+    """Rays through the sub-pixels, in the body frame whose axes are scaled so that the target is the unit sphere."""
+    cover, mu0, mu, value, change = out
+    rows, columns = cover.shape
+    map_rows, map_columns = albedo.shape
+    c = spacecraft @ spacecraft - 1.0
+    along_x, along_y = to_scaled[:, 0].copy(), to_scaled[:, 1].copy()
+    for i in range(rows):
+        v = first[1] + i * step
+        for j in range(columns):
+            u = first[0] + j * step
+            dx = along_x[0] * u + along_y[0] * v + to_scaled[0, 2]
+            dy = along_x[1] * u + along_y[1] * v + to_scaled[1, 2]
+            dz = along_x[2] * u + along_y[2] * v + to_scaled[2, 2]
+            # With q = d.d, b = d.o: the ray hits where b^2 - q c > 0; its gradient in (u, v) gives the limb's distance.
+            q = dx * dx + dy * dy + dz * dz
+            b = dx * spacecraft[0] + dy * spacecraft[1] + dz * spacecraft[2]
+            if b >= 0:
+                continue
+            inside = b * b - q * c
+            slope_u = 2 * b * (along_x @ spacecraft) - 2 * c * (along_x[0] * dx + along_x[1] * dy + along_x[2] * dz)
+            slope_v = 2 * b * (along_y @ spacecraft) - 2 * c * (along_y[0] * dx + along_y[1] * dy + along_y[2] * dz)
+            slope = np.sqrt(slope_u * slope_u + slope_v * slope_v)
+            distance = inside / (slope * step)
+            if distance <= -0.5:
+                continue
+            filled = min(distance + 0.5, 1.0)
+            cover[i, j] = filled
+            t = (-b - np.sqrt(max(inside, 0.0))) / q
+            sx, sy, sz = spacecraft[0] + t * dx, spacecraft[1] + t * dy, spacecraft[2] + t * dz
+            length = np.sqrt(sx * sx + sy * sy + sz * sz)
+            sx, sy, sz = sx / length, sy / length, sz / length
+            nx, ny, nz = sx / radii[0], sy / radii[1], sz / radii[2]
+            n = np.sqrt(nx * nx + ny * ny + nz * nz)
+            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / n
+            ex, ey, ez = dx * radii[0], dy * radii[1], dz * radii[2]
+            emission = -(nx * ex + ny * ey + nz * ez) / (n * np.sqrt(ex * ex + ey * ey + ez * ez))
+            mu0[i, j] = max(incidence, 0.0)
+            mu[i, j] = max(emission, 0.0)
+            px, py, pz = sx * radii[0], sy * radii[1], sz * radii[2]
+            flat = np.sqrt(px * px + py * py)
+            longitude, latitude = np.degrees(np.arctan2(py, px)), np.degrees(np.arctan2(pz, flat))
+            x = ((longitude - left_edge_deg) % 360.0) * (map_columns / 360.0) - 0.5
+            y = (90.0 - latitude) * (map_rows / 180.0) - 0.5
+            # Near the limb a sub-pixel covers a long strip of ground, away from the spacecraft: average along it.
+            nx, ny, nz, e = nx / n, ny / n, nz / n, np.sqrt(ex * ex + ey * ey + ez * ez)
+            ux, uy, uz = -ex / e - emission * nx, -ey / e - emission * ny, -ez / e - emission * nz
+            flat_sure = max(flat, 1e-6)
+            far = np.sqrt(flat * flat + pz * pz)
+            east = (-py * ux + px * uy) / flat_sure
+            north = (-(px * ux + py * uy) * pz / flat_sure + flat * uz) / far
+            strips = int(min(max(0.6 / max(emission, 0.06), 1.0), 10.0))
+            reach = 0.5 * pixel_rad * min(1 / max(emission, 0.06), 16.0) if strips > 1 else 0.0
+            strip_x = reach * east * far / flat_sure * map_columns / (2 * np.pi)
+            strip_y = -reach * north * map_rows / np.pi
+            total = 0.0
+            for k in range(strips):
+                at = (2 * k + 1.0) / strips - 1.0
+                total += _bilinear(albedo, x + at * strip_x, y + at * strip_y)
+            value[i, j] = total / strips
+            # Per radian of longitude and latitude; then by the places that a turn of the body brings under the ray.
+            stretch = min(half_step * (flat * flat + pz * pz) ** 0.5 / max(flat, 1e-6), map_columns / 8.0)
+            per_longitude = (_bilinear(albedo, x + stretch, y) - _bilinear(albedo, x - stretch, y)) / (2 * stretch)
+            per_longitude *= map_columns / (2 * np.pi)
+            per_latitude = (_bilinear(albedo, x, y - half_step) - _bilinear(albedo, x, y + half_step)) / (2 * half_step)
+            per_latitude *= map_rows / np.pi
+            flat = max(flat, 1e-6)
+            degree = np.pi / 180
+            change[0, i, j] = degree * (per_longitude * px * pz / (flat * flat) - per_latitude * py / flat)
+            change[1, i, j] = degree * (per_longitude * py * pz / (flat * flat) + per_latitude * px / flat)
+            change[2, i, j] = -degree * per_longitude
+
+
+@compiled
+def _bilinear(albedo, x, y):  # type: ignore[no-untyped-def]
+    """Map value at column x (wrapped) and row y (held at the poles), 0-based."""
+    rows, columns = albedo.shape
+    y = min(max(y, 0.0), rows - 1.0)
+    left, top = int(np.floor(x)), int(y)
+    fx, fy = x - left, y - top
+    left = left % columns
+    right, below = (left + 1) % columns, min(top + 1, rows - 1)
+    upper = albedo[top, left] * (1 - fx) + albedo[top, right] * fx
+    lower = albedo[below, left] * (1 - fx) + albedo[below, right] * fx
+    return upper * (1 - fy) + lower * fy

@@ -1,0 +1,97 @@
+"""How sure the joint solution is: errors that neighbouring pixels share, what the priors hold, and what no residual
+shows."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.joint.fit import Fit, Problem, scaled_inverse
+from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
+from tasks.joint.settings import SystematicSettings
+
+Array = NDArray[np.float64]
+MOVING = len(NAMES)
+SKY_TILE_PX = 16
+
+
+def covariance(problem: Problem, fit: Fit) -> Array:
+    """Covariance (8, 8) of the unknowns when the residuals of one tile may all err together (cluster-robust sandwich;
+    White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
+    bread = scaled_inverse(fit.normal)
+    scores = _scores(problem, fit)
+    count, size = len(scores), len(fit.values)
+    shrink = count / max(count - size, 1)
+    meat = shrink * scores.T @ scores + np.diag(problem.prior)
+    sandwich = bread @ meat @ bread
+    # Never less than what independent pixels of the stated weight would give.
+    ratio = np.maximum(np.sqrt(np.diag(bread) / np.maximum(np.diag(sandwich), 1e-300)), 1.0)
+    return np.asarray((sandwich * np.outer(ratio, ratio))[-MOVING:, -MOVING:])
+
+
+def _scores(problem: Problem, fit: Fit) -> Array:
+    """Each cluster's pull on the unknowns (clusters, n): tiles of the disk, squares of the sky."""
+    ny, nx = problem.image.shape
+    pull = (fit.weight * fit.residual).ravel()
+    y, x = np.indices((ny, nx)) // SKY_TILE_PX
+    sky = problem.tiles.count + y * (nx // SKY_TILE_PX + 1) + x
+    label = np.where(problem.tiles.label >= 0, problem.tiles.label, sky).ravel()
+    order = np.argsort(label, kind="stable")
+    starts = np.flatnonzero(np.diff(label[order], prepend=-1))
+    scores = [np.add.reduceat((pull * column.ravel())[order].astype(np.float64), starts) for column in problem.columns]
+    kept = np.array(scores).T
+    return kept[np.any(kept != 0, axis=1)]
+
+
+def systematic(settings: SystematicSettings, radius_px: float) -> Array:
+    """Variances (8, 8) that are added for what the residuals cannot show."""
+    sigma = np.zeros(MOVING)
+    sigma[OFFSET] = settings.centre_px
+    sigma[RANGE] = settings.limb_px / radius_px
+    sigma[ATTITUDE] = settings.attitude_deg
+    sigma[ROLL] = settings.roll_deg
+    return np.diag(sigma**2)
+
+
+@dataclass(frozen=True)
+class Untold:
+    """A direction of the unknowns that the image tells less about than the metadata: combination (8,), in units of the
+    prior's sigmas, and the image's own sigma over the prior's."""
+
+    direction: Array
+    ratio: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON: the unknowns that take part by a tenth or more."""
+        parts = {n: round(float(d), 3) for n, d in zip(NAMES, self.direction, strict=True) if abs(d) >= 0.1}
+        return {"direction": parts, "image_sigma_over_prior": None if np.isinf(self.ratio) else round(self.ratio, 3)}
+
+
+def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.bool_]) -> list[Untold]:
+    """Directions in which the prior, of 1-sigma `sigmas` (8,), says more than the image; by singular values of the
+    image's information about the unknowns that have a prior, the others eliminated.
+
+    robust: covariance (8, 8) of the whole fit, by which the information of independent pixels is scaled down.
+    """
+    bound = np.isfinite(sigmas) & ~held
+    bound[PSF] = False
+    names = np.flatnonzero(bound)
+    if not len(names):
+        return []
+    formal = np.diag(fit.covariance)[-MOVING:]
+    overconfidence = float(np.median(np.diag(robust)[names] / np.maximum(formal[names], 1e-300)))
+    n = len(fit.values)
+    rows = n - MOVING + names
+    others = np.setdiff1d(np.arange(n), np.concatenate([rows, n - MOVING + np.flatnonzero(held)]))
+    inner, cross = fit.information[np.ix_(others, others)], fit.information[np.ix_(others, rows)]
+    schur = fit.information[np.ix_(rows, rows)] - cross.T @ scaled_inverse(inner) @ cross
+    scale = sigmas[names]
+    values, vectors = np.linalg.eigh(schur * np.outer(scale, scale) / max(overconfidence, 1.0))
+    found = []
+    for value, vector in zip(values, vectors.T, strict=True):
+        if value < 1:
+            direction = np.zeros(MOVING)
+            direction[names] = vector
+            found.append(Untold(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
+    return found
