@@ -36,7 +36,7 @@ class Index:
 def read_index_label(path: Path) -> Index:
     """The layout of an index. Raises RefusedError when the label is no PDS3 index label or its table is not there."""
     content = _parsed(path)
-    pointer = next((str(key) for key in content if re.fullmatch(r"\^\w*TABLE", str(key))), None)
+    pointer = next((str(key) for key, _ in content.items() if re.fullmatch(r"\^\w*TABLE", str(key))), None)
     objects = [value for key, value in content.items() if hasattr(value, "getall") and "TABLE" in str(key)]
     if pointer is None or not objects:
         raise unusable(path, "it points to no table", "Give the label of an index (INDEX.LBL, CUMINDEX.LBL).")
