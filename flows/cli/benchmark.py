@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|index|fuzz"""
+"""planetpose benchmark projection|steps|index|fuzz"""
 
 from typing import Annotated
 
@@ -12,6 +12,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
     group.callback()(lambda: None)
     group.command()(projection)
+    group.command()(steps)
     group.command()(index)
     group.command()(fuzz)
     app.add_typer(group, name="benchmark")
@@ -31,6 +32,25 @@ def projection(
             write_json(answer, figures)
         else:
             for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def steps(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "paper",
+) -> None:
+    """Time every step of a profile for a 224-px disk in a 1024x1024 frame on one core, and the flow of such frames."""
+    from flows.benchmark_steps import benchmark_steps
+    from flows.cli.correct import usable_profile
+    from flows.cli.output import clean_stdout, write_json
+
+    usable_profile(profile, None)
+    with clean_stdout() as answer:
+        figures = benchmark_steps(profile)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in {**figures.pop("steps_s"), **figures}.items():
                 print(f"{name:28s} {value}", file=answer)
 
 
