@@ -17,6 +17,7 @@ from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request
 from flows.simulate import MANIFEST, read_manifest
+from tasks.record import Record
 from tasks.step import run
 from tasks.synthetic.assess import Assessment, assess, in_sigmas
 
@@ -103,7 +104,7 @@ def evaluate_image(job: Job) -> Row:
     def compared(pose: Pose) -> Assessment:
         return assess(pose, truth, camera, target)
 
-    records = {name: record for name, record in replayed(request).records.items() if _ends_with_pose(name)}
+    records = {name: record for name, record in replayed(request).records.items() if _ends_with_pose(record)}
     steps = {
         name: {**compared(Pose.from_dict(record.result["pose"])).to_dict(), "seconds": record.seconds}
         for name, record in records.items()
@@ -128,8 +129,8 @@ def evaluate_image(job: Job) -> Row:
     }
 
 
-def _ends_with_pose(name: str) -> bool:
-    return name.partition("-")[0] in POSE_STEPS
+def _ends_with_pose(record: Record) -> bool:
+    return isinstance(record.result.get("pose"), dict)
 
 
 def replayed(request: Request) -> Chain:

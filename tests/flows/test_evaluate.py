@@ -110,7 +110,9 @@ def test_poses_of_the_steps_come_from_the_chains_records(tmp_path: Path, monkeyp
         return SimpleNamespace(result={"pose": pose.to_dict()}, seconds=1.0)
 
     before, after = pose_moved_by(TRUTH, CAMERA, (30.0, -40.0)), pose_moved_by(TRUTH, CAMERA, (0.3, 0.4))
-    chain = SimpleNamespace(records={"ingest": None, "pose": record(before), "point-1": record(after)})
+    chain = SimpleNamespace(
+        records={"ingest": SimpleNamespace(result={}, seconds=1.0), "pose": record(before), "point-1": record(after)}
+    )
     monkeypatch.setattr(evaluate, "one_result", made_up({"A": 0.5}))
     monkeypatch.setattr(evaluate, "replayed", lambda _: chain)
     (row,) = evaluate_archive(archive(tmp_path / "archive", ("A",)), [find_profile("paper")], tmp_path)
