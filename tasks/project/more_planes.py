@@ -174,7 +174,7 @@ def more_planes(
     from tasks.project.pixels import seen_at
 
     xy = np.asarray(xy_px, dtype=np.float64)
-    on_body, seen = seen_at(pose, camera, target, xy)
+    on_body, seen = seen_at(pose, camera, target, xy, shadows="shadow" in planes)
     out = {}
     for name in planes:
         plane = MORE_PLANES[name]

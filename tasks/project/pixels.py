@@ -29,8 +29,15 @@ def project_pixels(
     return scattered(on_body, seen, planes)
 
 
-def seen_at(pose: Pose, camera: Camera, target: Target, xy_px: ArrayLike) -> tuple[NDArray[np.bool_], Seen]:
-    """Which of the undistorted pixels (..., 2) see the body (...), and the points that those see."""
+def seen_at(
+    pose: Pose, camera: Camera, target: Target, xy_px: ArrayLike, shadows: bool = False
+) -> tuple[NDArray[np.bool_], Seen]:
+    """Which of the undistorted pixels (..., 2) see the body (...), and the points that those see. shadows: of a shape
+    model on itself, too."""
+    if target.shape is not None:
+        from tasks.project.shaped import mesh_seen_at
+
+        return mesh_seen_at(pose, camera, target, np.asarray(xy_px, dtype=np.float64), shadows)
     rays, xy = rays_of(pose, camera, target), np.asarray(xy_px, dtype=np.float64)
     scaled = intersect(rays, xy)
     on_body = np.isfinite(scaled[..., 0])

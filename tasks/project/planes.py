@@ -20,6 +20,7 @@ Window = tuple[int, int, int, int]
 PLANES = ("latitude", "longitude", "incidence", "emission", "phase", "range_km", "resolution_km")
 ANGLES = PLANES[:5]
 POINT = ("x_km", "y_km", "z_km")  # the surface point, body-fixed
+SUNLIT = "sunlit"  # of shape models only: 1 where the Sun's centre reaches, else 0
 KNOWN_PLANES = PLANES + POINT
 ROWS_PER_BLOCK = 32
 
@@ -83,8 +84,9 @@ class Planes:
 
     @property
     def illuminated(self) -> NDArray[np.bool_]:
-        """Whether each pixel's centre sees the day side (ny, nx); on a convex body that is incidence below 90."""
-        return self.incidence < 90.0
+        """Whether each pixel's centre sees the day side (ny, nx): incidence below 90; on a shape model nothing in the
+        Sun's way either, if the plane `sunlit` was asked for."""
+        return self.planes[SUNLIT] > 0 if SUNLIT in self.planes else self.incidence < 90.0
 
 
 def full_window(camera: Camera) -> Window:
@@ -95,8 +97,8 @@ def full_window(camera: Camera) -> Window:
 def project_planes(
     pose: Pose, camera: Camera, target: Target, window: Window | None = None, planes: Sequence[str] = PLANES
 ) -> Planes:
-    """Project the pixels of `window` (default: the undistorted frame) onto the target's ellipsoid; `planes` are some of
-    KNOWN_PLANES.
+    """Project the pixels of `window` (default: the undistorted frame) onto the target's ellipsoid, or its shape model
+    where it has one (see `shaped`); `planes` are some of KNOWN_PLANES.
 
     Paper, section 6 (with 1/r^2 on the quadric's diagonal), in closed form. The Sun is a point at its finite distance.
     Where the pose knows velocities, stellar aberration and light time are those of each pixel: SPICE's SINCPT, ILUMIN
@@ -108,7 +110,7 @@ def project_planes(
     Raises RefusedError when the pose puts spacecraft or Sun inside the target; ValueError for an unknown plane or an
     empty window.
     """
-    unknown = set(planes) - set(KNOWN_PLANES)
+    unknown = set(planes) - set(KNOWN_PLANES) - ({SUNLIT} if target.shape is not None else set())
     if unknown or not planes:
         raise ValueError(
             f"unknown planes {sorted(unknown)}; known are {', '.join(KNOWN_PLANES)}, and at least one is needed"
@@ -117,6 +119,10 @@ def project_planes(
     x0, y0, x1, y1 = window
     if x1 <= x0 or y1 <= y0:
         raise ValueError(f"window {window} is empty; it is (x0, y0, x1, y1) with x1 > x0 and y1 > y0")
+    if target.shape is not None:
+        from tasks.project.shaped import project_mesh_planes
+
+        return project_mesh_planes(pose, camera, target, window, planes)
     out = np.empty((len(planes), y1 - y0, x1 - x0))
     _fill(pose, camera, target, window, planes, out)
     return Planes(window, dict(zip(planes, out, strict=True)))
