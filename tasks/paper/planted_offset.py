@@ -42,6 +42,12 @@ class Retrieved:
     seconds: float
 
     @property
+    def first_px(self) -> NDArray[np.float64]:
+        """What the first registration said (2,), before anything was rendered again."""
+        later = np.array(self.history_px[1:], float).reshape(-1, 2).sum(axis=0)
+        return np.array(self.found_px) - later
+
+    @property
     def error_px(self) -> NDArray[np.float64]:
         """Found minus planted (2,)."""
         return np.subtract(self.found_px, PLANTED_PX)
