@@ -103,6 +103,8 @@ def known_targets() -> dict[str, Target]:
             target = Target.model_validate(tomllib.loads(path.read_text()))
         except (ValidationError, tomllib.TOMLDecodeError) as error:
             raise RefusedError("target-file-invalid", f"target file {path}: {error}.") from error
+        if target.shape is not None:
+            target = target.with_shape(path.parent / target.shape)
         targets[target.name.lower()] = target
     return targets
 

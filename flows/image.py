@@ -9,13 +9,21 @@ from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
+from flows.guidance import guidance_of, is_started_elsewhere, pose_to_resume
 from flows.profile import CORRECTIONS
-from flows.request import basemap_inputs, camera_inputs, digest_of, kernel_inputs, target_names_digest
+from flows.request import (
+    basemap_inputs,
+    camera_inputs,
+    digest_of,
+    kernel_inputs,
+    projected_target,
+    target_names_digest,
+)
 from flows.result import result_of
 from flows.settling import settled
 from flows.verdict import believe, explained
 
-STEP_KINDS = ("ingest", "pose", "undistort", *CORRECTIONS, "validate", "publish")
+STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish")
 
 
 def correct_image(chain: Chain) -> None:
@@ -33,7 +41,7 @@ def correct_image(chain: Chain) -> None:
 
 def correct_pose(chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]) -> str:
     """All passes and the verdict; returns the name of the step that ended with the corrected pose."""
-    latest = "pose"
+    latest = start(chain, scene) if is_started_elsewhere(chain.request) else "pose"
     for number in range(1, chain.request.profile.passes + 1):
         for correction in chain.request.profile.corrections(number):
             latest = correct(chain, correction, number, latest, scene, basemap)
@@ -87,7 +95,11 @@ def undistort(chain: Chain, frame: dict[str, Any]) -> None:
     settings = chain.request.profile.settings_of("undistort")
     inputs = image_inputs(chain, frame) | {"undistorted": frame["undistorted"], "settings": settings}
     inputs |= {"reseau_tables": reseau_digests(frame["camera"], settings)}
-    chain.do("undistort", "tasks.undistort.step", inputs, image_places(chain))
+    places = image_places(chain)
+    if chain.request.mask:
+        inputs["mask"] = digest_of(chain.request.mask, "mask")
+        places["mask"] = str(chain.request.mask)
+    chain.do("undistort", "tasks.undistort.step", inputs, places)
 
 
 def reseau_digests(camera: dict[str, Any], settings: dict[str, Any]) -> dict[str, str]:
@@ -119,10 +131,23 @@ def pose_inputs(chain: Chain, step: str) -> Any:
     return predicted if step == "pose" else chain.key(step)
 
 
+def start(chain: Chain, scene: dict[str, Any]) -> str:
+    """Find the pose to start from where the user overrules the predicted one; returns the step's name."""
+    inputs = {
+        "camera": scene["camera"],
+        "predicted": pose_inputs(chain, "pose"),
+        "start_offset_px": chain.request.start_offset_px,
+        "resume": pose_to_resume(chain.request),
+    }
+    chain.do("start", "tasks.ingest.start_step", inputs, {})
+    return "start"
+
+
 def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict[str, Any], basemap: Any) -> str:
-    """One of the corrections; returns the step's name. Only the first pass searches the whole frame."""
+    """One of the corrections; returns the step's name. Only the first pass searches the whole frame, and not when the
+    user says where to start."""
     settings = chain.request.profile.settings_of(correction, number)
-    if correction == "point" and number > 1:
+    if correction == "point" and (number > 1 or "start" in chain.records):
         settings["coarse"] = False
     name = f"{correction}-{number}"
     inputs = scene | {"pose": pose_inputs(chain, latest), "settings": settings}
@@ -150,11 +175,13 @@ def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str,
     """Project every pixel and write the product into the store."""
     request = chain.request
     inputs = scene | {
+        "target": projected_target(request, scene["target"]),
         "product": request.product,
         "validate": chain.key("validate"),
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "profile": request.profile.resolved(),
+        "guidance": guidance_of(request),
     }
     places = basemap | {
         "pose": chain.folder(latest),

@@ -4,7 +4,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat
 
 from catalog.basemap import packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
@@ -13,7 +13,7 @@ from catalog.errors import RefusedError
 from catalog.safe_name import safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
-from catalog.target import TARGET_FOLDER
+from catalog.target import TARGET_FOLDER, Target
 from flows.profile import DEFAULT_PROFILE, Profile, find_profile
 
 
@@ -26,8 +26,9 @@ NamedProfile = Annotated[Profile, BeforeValidator(_profile_by_name, json_schema_
 
 class Request(BaseModel):
     """One image to correct. camera, target, pose_file, basemap: override what the file says or does not say; None asks
-    the file and the catalog. kernels: files, folders or meta-kernels; None takes those of the environment. profile: its
-    settings, or its name or file."""
+    the file and the catalog. shape: model that the cube's planes are projected on. kernels: files, folders or
+    meta-kernels; None takes those of the environment. profile: its settings, or its name or file; what it holds stays. start_offset_px: added to the predicted centre beforehand. mask:
+    file whose non-zero pixels are not used. resume: an earlier result to start from, see `flows.guidance`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
@@ -36,9 +37,13 @@ class Request(BaseModel):
     target: str | None = None
     pose_file: Path | None = None
     basemap: Path | None = None
+    shape: Path | None = None
     map_left_edge_deg: float = Field(0.0, ge=-360, le=360)
     kernels: tuple[Path, ...] | None = None
     profile: NamedProfile = Field(default_factory=lambda: find_profile(DEFAULT_PROFILE))
+    start_offset_px: tuple[FiniteFloat, FiniteFloat] | None = None
+    mask: Path | None = None
+    resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
 
     @property
@@ -94,6 +99,13 @@ def kernel_inputs(paths: list[Path]) -> list[list[str]]:
         with kernel_pool(paths) as loaded:
             kernels = loaded
     return [[kernel.path.name, kernel.sha256] for kernel in kernels]
+
+
+def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]:
+    """The target that planes are projected on: with the shape model, if the user gave one."""
+    if request.shape is None:
+        return target
+    return Target.model_validate(target).with_shape(request.shape).model_dump(mode="json")
 
 
 def basemap_inputs(request: Request, target: dict[str, Any]) -> tuple[dict[str, Any], str | None]:

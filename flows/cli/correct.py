@@ -2,6 +2,7 @@
 
 import os
 import sys
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,11 +32,20 @@ def correct(
     map_left_edge_deg: Annotated[
         float, typer.Option(min=-360, max=360, help="East longitude of the map's left edge.")
     ] = 0.0,
+    shape: Annotated[File, typer.Option(help="Shape model in km for the planes: DSK kernel, OBJ or PLY.")] = None,
     kernels: Annotated[
         list[Path] | None, typer.Option(help="SPICE kernel, meta-kernel or folder; repeat for more.")
     ] = None,
     no_kernels: Annotated[bool, typer.Option("--no-kernels", help="Use no kernels, not even default ones.")] = False,
     profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
+    start_offset: Annotated[
+        Text, typer.Option(metavar="DX,DY", help="Pixels added to the predicted centre; no search of the frame.")
+    ] = None,
+    hold: Annotated[
+        Text, typer.Option(metavar="GROUPS", help="Do not change: range, attitude, roll, offset, psf (comma list).")
+    ] = None,
+    mask: Annotated[File, typer.Option(help="Picture of the raw image's size; not 0: do not use the pixel.")] = None,
+    resume: Annotated[File, typer.Option(help="Product folder, result.json or store to start from.")] = None,
     max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
     server: Annotated[Text, typer.Option(help="Prefect server: local, embedded, or the URL of an API.")] = None,
@@ -49,7 +59,8 @@ def correct(
     from flows.result import exit_status, tally
     from flows.run import run_requests
 
-    chosen = usable_profile(profile, max_passes)
+    chosen = holding(usable_profile(profile, max_passes), hold)
+    offset_px = two_numbers(start_offset)
     requests = [
         Request(
             image=file,
@@ -59,8 +70,12 @@ def correct(
             pose_file=pose,
             basemap=map,
             map_left_edge_deg=map_left_edge_deg,
+            shape=shape,
             kernels=() if no_kernels else tuple(kernels) if kernels else None,
             profile=chosen,
+            start_offset_px=offset_px,
+            mask=mask,
+            resume=resume,
         )
         for file in files
     ]
@@ -89,6 +104,32 @@ def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--profile") from error
     return chosen.model_copy(update={"passes": max_passes}) if max_passes else chosen
+
+
+def holding(profile: "Profile", hold: str | None) -> "Profile":
+    """The profile with the named groups held; an unknown group, or nothing left to correct, is wrong usage."""
+    from pydantic import ValidationError
+
+    if hold is None:
+        return profile
+    try:
+        return profile.holding(part.strip() for part in hold.split(","))
+    except ValidationError as error:
+        faults = "; ".join(fault["msg"] for fault in error.errors())
+        raise typer.BadParameter(f"{hold!r}: {faults}.", param_hint="--hold") from error
+
+
+def two_numbers(text: str | None) -> tuple[float, float] | None:
+    """`DX,DY` as numbers; anything else is wrong usage."""
+    if text is None:
+        return None
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not two numbers.", param_hint="--start-offset") from error
+    if not isfinite(x) or not isfinite(y):
+        raise typer.BadParameter(f"{text!r} is not finite.", param_hint="--start-offset")
+    return x, y
 
 
 def one_line(result: dict[str, Any]) -> str:

@@ -148,13 +148,18 @@ def _geometry_faults(cube: "xr.Dataset") -> Iterator[str]:
     on_detector = "place_x" in cube
     places = [cube[name].values[ys, xs] for name in ("place_x", "place_y")] if on_detector else [xs, ys]
     camera, target, pose = _model_of(cube)
-    expected = project_pixels(pose, camera, target, np.stack(places, axis=-1).astype(float))
+    try:
+        expected = project_pixels(pose, camera, target, np.stack(places, axis=-1).astype(float))
+    except RefusedError as error:  # a shape model that is no longer where it was
+        yield f"cannot be checked: {error.fault}"
+        return
+    on_edges = 0 if target.shape is None else SAMPLES // 50  # of triangles, where another window may see the neighbour
     for name in PLANES:
         if on_detector and name == "resolution_km":
             continue  # it is that of a raw pixel
         off = _difference(name, cube[name].values[ys, xs].astype(np.float64), expected[name])
         wrong = ~(off <= _tolerance(name, expected, target))
-        if wrong.any():
+        if wrong.sum() > on_edges:
             yield f"{name} differs from the pose's by up to {np.nanmax(off):.3g} at {wrong.sum()} of {SAMPLES} pixels"
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
-from tasks.project.planes import KNOWN_PLANES, PLANES, POINT, Planes, project_planes
+from tasks.project.planes import KNOWN_PLANES, PLANES, POINT, SUNLIT, Planes, project_planes
 from tasks.project.uncertainty import SIZES, coordinate_sigmas
 from tasks.publish.publication import Publication
 from tasks.publish.sensor import pixel_sizes, sampled_at_places, sensor_planes, sensor_quality
@@ -36,7 +36,8 @@ def cube_arrays(publication: Publication) -> dict[str, NDArray[Any]]:
 def _seen(p: Publication) -> tuple[Planes, NDArray[np.uint16], float]:
     """What the cube's pixels see, their flags, and the PSF's sigma in such pixels."""
     if p.sensor is None:
-        planes = project_planes(p.pose_after, p.camera, p.target, planes=KNOWN_PLANES)
+        shadows = () if p.target.shape is None else (SUNLIT,)
+        planes = project_planes(p.pose_after, p.camera, p.target, planes=(*KNOWN_PLANES, *shadows))
         return planes, p.observation.quality, p.camera.psf_sigma_px
     planes = sensor_planes(p.pose_after, p.camera, p.target, p.sensor)
     psf_sigma_px = p.camera.psf_sigma_px / float(np.median(pixel_sizes(p.sensor.xy_px)))
