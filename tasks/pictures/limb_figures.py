@@ -68,20 +68,19 @@ def derivatives_figure(comparison: LimbComparison) -> "Figure":
 
 def shifts_figure(comparison: LimbComparison) -> "Figure":
     """Figures 17 and 18, and the histogram: one segment, its derivative and all shifts, before and after."""
-    figure, panels = canvas(2, 3, (4.0, 3.1))
+    states = {"predicted": comparison.before, "corrected": comparison.after}
+    shown = {name: found for name, found in states.items() if found is not None}
+    figure, panels = canvas(len(shown), 3, (4.0, 3.1))
     one = int(np.argsort(_angle(comparison.after))[len(comparison.after.shift_px) // 2])
     place = comparison.after.segments.xy_px[one]
-    for row, (name, found) in enumerate((("predicted", comparison.before), ("corrected", comparison.after))):
+    for row, (name, found) in enumerate(shown.items()):
         three = panels[3 * row : 3 * row + 3]
-        if found is None:
-            for panel in three:
-                panel.set_axis_off()
-            three[0].set_title(f"{name} limb {comparison.apart_px:.0f} px away: no segments", fontsize=10, loc="left")
-            continue
         nearest = int(np.argmin(np.linalg.norm(found.segments.xy_px - place, axis=1)))
         _draw_one(three[0], three[1], found, nearest, name)
         _histogram(three[2], found, name)
-    figure.suptitle(comparison.product.name, fontsize=11)
+    apart = "behind the camera" if np.isinf(comparison.apart_px) else f"{comparison.apart_px:.0f} px away"
+    lost = "" if comparison.before is not None else f" (predicted limb {apart}: no segments there)"
+    figure.suptitle(f"{comparison.product.name}{lost}", fontsize=11)
     return figure
 
 

@@ -13,10 +13,11 @@ from tasks.compare.segments import Segments, profiles
 from tasks.pictures.product import Product
 from tasks.project.curves import limb_points
 from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
-# A predicted limb farther away than this needs no picture of its segments.
-LONGEST_REACH_PX = 60
+# Segments that reach farther into the disk than this part of its radius would meet markings before the limb.
+LONGEST_REACH_RADII = 0.45
 
 
 @dataclass(frozen=True)
@@ -90,9 +91,10 @@ def compare_limbs(product: Product) -> LimbComparison:
     """The limb of a product before and after its correction; before, the segments reach as far as they must."""
     after = limb_profiles(product.observation, product.after, product.scene, product.limb)
     apart = _apart_px(product, after)
-    if not apart <= LONGEST_REACH_PX - product.limb.half_px:
+    radius = disk_radius_px(product.after, product.scene.camera, product.scene.target)
+    if not apart + product.limb.half_px <= LONGEST_REACH_RADII * radius:
         return LimbComparison(product, None, after, apart)
-    reach = max(product.limb.half_px, int(np.ceil(apart)) + product.limb.half_px)
+    reach = int(np.ceil(apart)) + product.limb.half_px
     longer = product.limb.model_copy(update={"half_px": reach})
     before = limb_profiles(product.observation, product.before, product.scene, longer)
     return LimbComparison(product, before if len(before.shift_px) else None, after, apart)

@@ -1,5 +1,6 @@
 """Pictures of the limb: what is drawn is what was measured, before and after."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,5 +68,8 @@ def test_a_prediction_that_is_far_away_has_no_segments_and_the_picture_says_so(
     product: Product, comparison: LimbComparison
 ) -> None:
     lost = LimbComparison(product, None, comparison.after, 300.0)
-    titles = [panel.get_title(loc="left") for panel in shifts_figure(lost).axes]
-    assert "predicted limb 300 px away: no segments" in titles
+    figure = shifts_figure(lost)
+    assert figure.get_suptitle() == "small (predicted limb 300 px away: no segments there)"
+    assert len(figure.axes) == 3
+    far = pose_moved_by(product.before, CAMERA, (60.0, 0.0))
+    assert compare_limbs(replace(product, before=far)).before is None
