@@ -13,7 +13,7 @@ MAX_DASHES_AT_LINE_ENDS = 100  # continued words, which the parser tries in many
 MOVES_PER_BYTE = 5  # between parser and lexer; sound labels need 0.1 to 0.7
 AGGREGATION = re.compile(r"^\s*(END_)?(OBJECT|GROUP)\s*(=|$)", re.MULTILINE | re.IGNORECASE)
 PARSER_FAULTS = (ValueError, TypeError, LookupError, ArithmeticError, RecursionError, StopIteration)
-"""What pvl raises for damaged labels; its own errors are among them."""
+"""What pvl raises for damaged labels, beside errors of its own."""
 
 
 class BoundedTokens(Generator[Any, Any, None]):
@@ -44,6 +44,7 @@ def load_pvl(content: str, times: int = 1) -> Any:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pvl warns of its own deprecated class whenever it is imported
         import pvl
+        import pvl.exceptions
         from pvl.lexer import lexer
         from pvl.parser import OmniParser
 
@@ -52,7 +53,7 @@ def load_pvl(content: str, times: int = 1) -> Any:
 
     try:
         return pvl.loads(content, parser=OmniParser(lexer_fn=bounded))
-    except PARSER_FAULTS as error:
+    except (pvl.exceptions.ParseError, pvl.exceptions.QuantityError, *PARSER_FAULTS) as error:
         raise ValueError(f"no PDS3 label ({error})") from error
 
 

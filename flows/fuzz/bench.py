@@ -16,7 +16,7 @@ from flows.fuzz.reader_process import ReaderProcess
 
 OUTCOMES = ("refused", "read", "crash", "hang")
 MEMORY_BYTES = 3_000_000_000
-TIMEOUT_S = 20.0
+TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ def damaged_files(originals: list[Original], count: int, seed: int, folder: Path
 def fuzz_readers(
     originals: list[Original], count: int, seed: int, tell: Callable[[int], None] = lambda _: None
 ) -> Findings:
-    """Read `count` damaged files in a bounded process: 20 s and 3 GB of address space each. Originals that are no
+    """Read `count` damaged files in a bounded process: 60 s and 3 GB of address space each. Originals that are no
     images themselves (tables) are left out."""
     findings = Findings()
     with tempfile.TemporaryDirectory() as folder, ReaderProcess(TIMEOUT_S, MEMORY_BYTES) as reader:

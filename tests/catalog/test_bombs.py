@@ -168,6 +168,8 @@ def test_a_code_tree_as_deep_as_it_can_be_is_decoded_without_recursion() -> None
         "A = {" + "{" * 400,
         "".join(f"K{i} = {i}\n" for i in range(3000)),
         "x" * 200_000,
+        "A = 1\nB = 2\nTARG",
+        "A",
     ],
 )
 def test_labels_that_would_busy_or_break_the_parser_are_no_labels(text: str) -> None:
