@@ -1,15 +1,17 @@
 """A profile chooses every step's brick and settings. It is a TOML file; what it leaves out keeps its default."""
 
 import tomllib
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
 from tasks.attitude import AttitudeSettings
 from tasks.joint import JointSettings
+from tasks.joint.settings import Group
 from tasks.point import PointSettings
 from tasks.range import RangeSettings
 from tasks.roll import RollSettings
@@ -23,6 +25,14 @@ CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
 CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
 # What a pass does unless the profile says otherwise; the paper's order.
 USUAL: tuple[CorrectionName, ...] = ("point", "range", "attitude")
+# What each correction changes; the joint one can hold any of them.
+CHANGES: dict[CorrectionName, frozenset[str]] = {
+    "point": frozenset({"offset"}),
+    "roll": frozenset({"roll", "offset", "attitude"}),
+    "range": frozenset({"range", "offset"}),
+    "attitude": frozenset({"attitude"}),
+}
+GROUPS: tuple[Group, ...] = ("offset", "range", "roll", "attitude", "psf")
 
 
 class AcceptSettings(BaseModel):
@@ -61,12 +71,13 @@ class LaterPasses(BaseModel):
 
 class Profile(BaseModel):
     """The settings of all steps. passes: how often, at most, the corrections are done in turn. steps: the first pass's
-    corrections, in this order."""
+    corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field(DEFAULT_PROFILE, min_length=1)
     passes: int = Field(2, ge=1, le=20)
     steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
+    hold: tuple[Group, ...] = ()
     undistort: UndistortSettings = UndistortSettings()
     simulate: SceneSettings = SceneSettings()
     point: PointSettings = PointSettings()
@@ -79,19 +90,38 @@ class Profile(BaseModel):
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
 
+    @model_validator(mode="after")
+    def _something_is_left(self) -> "Profile":
+        if self.hold and not self.corrections(1):
+            raise ValueError(f"with {', '.join(self.hold)} held, none of the steps {', '.join(self.steps)} is left")
+        return self
+
+    def holding(self, groups: Iterable[str]) -> "Profile":
+        """Copy that also holds `groups`. Raises ValidationError when no correction is left, or a group is unknown."""
+        content = self.resolved()
+        return Profile.model_validate(content | {"hold": [*content["hold"], *groups]})
+
     def resolved(self) -> dict[str, Any]:
         """Every setting with its value, defaults included, as plain JSON."""
         return self.model_dump(mode="json", by_alias=True)
 
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
-        """The corrections of pass `number`, in the order of doing."""
-        return self.steps if number == 1 else self.later.steps
+        """The corrections of pass `number`, in the order of doing, without those that would change what is held."""
+        steps = self.steps if number == 1 else self.later.steps
+        return tuple(step for step in steps if not self._is_held(step))
+
+    def _is_held(self, step: CorrectionName) -> bool:
+        held = set(self.hold)
+        return bool(CHANGES[step] & held) if step in CHANGES else held >= set(GROUPS)
 
     def settings_of(self, step: str, number: int = 1) -> dict[str, Any]:
         """Settings of one step in pass `number` as plain JSON."""
         everything = self.resolved()
         later = everything["later"].get(step) if number > 1 else None
-        return dict(later or everything[step])
+        settings = dict(later or everything[step])
+        if step == "joint":
+            settings["hold"] = [group for group in GROUPS if group in (*settings["hold"], *self.hold)]
+        return settings
 
 
 @cache

@@ -27,8 +27,9 @@ NamedProfile = Annotated[Profile, BeforeValidator(_profile_by_name, json_schema_
 class Request(BaseModel):
     """One image to correct. camera, target, pose_file, basemap: override what the file says or does not say; None asks
     the file and the catalog. shape: model that the cube's planes are projected on. kernels: files, folders or
-    meta-kernels; None takes those of the environment. profile: its settings, or its name or file; what it holds stays. start_offset_px: added to the predicted centre beforehand. mask:
-    file whose non-zero pixels are not used. resume: an earlier result to start from, see `flows.guidance`."""
+    meta-kernels; None takes those of the environment. profile: its settings, or its name or file; what it holds stays.
+    start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are not used. resume: an
+    earlier result to start from, see `flows.guidance`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path

@@ -89,6 +89,8 @@ def provenance(work: Work, records: dict[str, Record], corrections: dict[str, di
         "kernels": predicted["kernels"],
         "basemap": dict(work.inputs["basemap"]),
         "undistort": records["undistort"].result,
+        "guidance": dict(work.inputs["guidance"]),
+        "start": records["start"].inputs if "start" in records else None,
         "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
         "limb": records["validate"].result["limb"],
         "steps": {

@@ -9,6 +9,8 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from catalog.mask import masked, read_mask
+from catalog.observation import Observation
 from tasks.plain import plain
 from tasks.stored import camera_of, frame_of, save_arrays, save_observation
 from tasks.undistort import UndistortSettings, undistort
@@ -21,13 +23,14 @@ DISTORTION = "distortion"
 def run(work: Work) -> dict[str, Any]:
     """See `undistort`; the observation goes into the step's folder."""
     frame, camera = frame_of(work), camera_of(work)
+    observation = masked_by_user(work, frame.observation)
     settings = UndistortSettings.model_validate(work.inputs["settings"])
     resampling = settings.model_copy(update={"space": "resampled"})
-    undistorted = undistort(frame.observation, camera, resampling, frame.undistorted)
+    undistorted = undistort(observation, camera, resampling, frame.undistorted)
     save_observation(work.folder, undistorted.observation)
     beside: dict[str, NDArray[Any]] = {"uncertainty_px": uncertainty_plane(undistorted.model)}
     if settings.space == "sensor":
-        sensor = undistort(frame.observation, camera, settings, frame.undistorted).observation
+        sensor = undistort(observation, camera, settings, frame.undistorted).observation
         places = undistorted_places(undistorted.model)
         # The file's own values, also where marks were filled: quality says which those are.
         beside |= {
@@ -38,4 +41,14 @@ def run(work: Work) -> dict[str, Any]:
         beside |= {"sensor_x_px": places[..., 0], "sensor_y_px": places[..., 1]}
     save_arrays(work.folder / DISTORTION, **beside)
     evidence = undistorted.evidence | {"space": settings.space}
+    if "mask" in work.inputs:
+        evidence["mask"] = {"file": work.place("mask").name, "sha256": work.inputs["mask"]}
     return {"model": undistorted.model.name, "evidence": plain(evidence)}
+
+
+def masked_by_user(work: Work, observation: Observation) -> Observation:
+    """The raw observation with the user's mask, if there is one, in its quality."""
+    if "mask" not in work.inputs:
+        return observation
+    path = work.place("mask")
+    return masked(observation, read_mask(path), path)

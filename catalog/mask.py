@@ -1,0 +1,87 @@
+"""A user's mask: pixels of a raw image that no step may use."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import RefusedError
+from catalog.observation import Observation, Quality
+
+MAX_MASK_PIXELS = 400_000_000
+KINDS = "Give a PNG, TIFF, FITS or NPY file of the image's size, non-zero where a pixel must not be used."
+DAMAGE = (OSError, ValueError, TypeError, LookupError, SyntaxError, ArithmeticError, AttributeError, EOFError)
+
+
+def read_mask(path: Path) -> NDArray[np.bool_]:
+    """Mask (ny, nx), true where a pixel must not be used: a PNG or TIFF (of colours: any but 0, transparency aside),
+    the first image of a FITS file, or an NPY file. What is not a number counts as true.
+
+    Raises RefusedError, naming the file, the fault and the remedy, when it cannot be read as one picture.
+    """
+    path = Path(path)
+    try:
+        with path.open("rb") as file:
+            head = file.read(8)
+        values = _values(path, head)
+    except DAMAGE as error:
+        raise RefusedError("mask-unreadable", f"mask {path} cannot be read ({error}).", KINDS) from error
+    if values is None or values.ndim != 2 or values.dtype.kind not in "biuf":
+        found = "no picture" if values is None else f"values of type {values.dtype} and shape {values.shape}"
+        raise RefusedError("mask-unreadable", f"mask {path} holds {found}.", KINDS)
+    return np.asarray(values != 0)
+
+
+def masked(observation: Observation, mask: NDArray[np.bool_], path: Path) -> Observation:
+    """Copy whose pixels under `mask` (ny, nx), the content of file `path`, are MASKED_BY_USER.
+
+    Raises RefusedError when the mask has another size, or leaves no pixel.
+    """
+    if mask.shape != observation.image.shape:
+        (rows, columns), (ny, nx) = mask.shape, observation.image.shape
+        raise RefusedError("mask-size", f"mask {path} has {columns}x{rows} pixels, the image {nx}x{ny}.", KINDS)
+    if mask.all():
+        raise RefusedError("mask-covers-all", f"mask {path} covers the whole image.", KINDS)
+    quality = observation.quality | np.where(mask, np.uint16(Quality.MASKED_BY_USER), np.uint16(0))
+    return dataclasses.replace(observation, quality=quality.astype(np.uint16))
+
+
+def _values(path: Path, head: bytes) -> NDArray[Any] | None:
+    if head.startswith(b"\x93NUMPY"):
+        stored = np.load(path, mmap_mode="r", allow_pickle=False)
+        _check_size(stored.size)
+        return np.asarray(stored)
+    if head.startswith(b"SIMPLE"):
+        return _first_image(path)
+    return _picture(path)
+
+
+def _first_image(path: Path) -> NDArray[Any] | None:
+    from astropy.io import fits
+
+    with fits.open(path, memmap=True) as parts:
+        for part in parts:
+            if part.is_image and part.header.get("NAXIS", 0) >= 2:
+                _check_size(int(np.prod(part.shape)))
+                return np.array(part.data)
+    return None
+
+
+def _picture(path: Path) -> NDArray[Any]:
+    from PIL import Image
+
+    with Image.open(path, formats=("PNG", "TIFF")) as picture:
+        _check_size(picture.width * picture.height)
+        shown = picture.convert("RGB") if picture.mode == "P" else picture
+        pixels = np.asarray(shown)
+        if pixels.ndim < 3:
+            return pixels
+        colours = [number for number, band in enumerate(shown.getbands()) if band != "A"]
+        return np.asarray(pixels[..., colours].any(axis=-1))
+
+
+def _check_size(pixels: int) -> None:
+    if pixels > MAX_MASK_PIXELS:
+        raise ValueError(f"{pixels} pixels are too many")

@@ -1,0 +1,47 @@
+"""The cached step: the pose from which the corrections start, where the user overrules the predicted one."""
+
+from typing import Any
+
+import numpy as np
+
+from catalog.errors import RefusedError
+from catalog.pose import Pose
+from tasks.plain import plain
+from tasks.point.rotation import pose_moved_by
+from tasks.stored import camera_of
+from tasks.work import Work
+
+SAME_EXPOSURE_S = 1.0
+
+
+def run(work: Work) -> dict[str, Any]:
+    """The predicted pose, or the one to resume from, its centre moved by the user's offset. Raises RefusedError when
+    the pose to resume from is of another exposure, or the centre to move is behind the camera."""
+    predicted, earlier = Pose.from_dict(work.inputs["predicted"]), work.inputs["resume"]
+    start = predicted if earlier is None else resumed(Pose.from_dict(earlier), predicted)
+    camera, offset_px = camera_of(work), work.inputs["start_offset_px"]
+    if offset_px is not None:
+        if not np.isfinite(camera.project(start.target_in_camera_km)).all():
+            raise RefusedError(
+                "target-behind-camera",
+                "the predicted target is behind the camera, so that its centre has no place to be moved from.",
+                "Check camera_from_j2000, or leave --start-offset out: the whole frame is searched then.",
+            )
+        start = pose_moved_by(start, camera, offset_px)
+    return {"pose": start.to_dict(), "centre_px": plain(camera.project(start.target_in_camera_km))}
+
+
+def resumed(earlier: Pose, predicted: Pose) -> Pose:
+    """Pointing, place and attitude of an earlier result, with what is known today of time and velocities."""
+    apart_s = abs(earlier.et - predicted.et)
+    if apart_s > SAME_EXPOSURE_S:
+        raise RefusedError(
+            "resume-other-image",
+            f"the pose to resume from is of {earlier.to_dict()['utc']}, {apart_s:.0f} s from this image's.",
+            "Give --resume the product folder of this very image, or the store that holds it.",
+        )
+    return predicted.replaced(
+        camera_from_j2000=earlier.camera_from_j2000,
+        target_from_spacecraft_km=earlier.target_from_spacecraft_km,
+        body_from_j2000=earlier.body_from_j2000,
+    )
