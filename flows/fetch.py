@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
-from catalog.fetch import FetchSettings, Item, Outcome, fetch_item
+from catalog.errors import FailedError
+from catalog.fetch import FetchSettings, Item, Outcome, fetch_item, item_of
 from catalog.fetch.ledger import Ledger
 from catalog.fetch.rate import RateLimit
 
@@ -42,3 +43,20 @@ def summary_of(outcomes: list[Outcome]) -> dict[str, Any]:
         "bytes_fetched": sum(o.bytes or 0 for o in outcomes if o.status == "fetched"),
         "failures": {o.item.location: o.reason for o in outcomes if o.status == "failed"},
     }
+
+
+def fetched_index(location: str, archive: Path, settings: FetchSettings, mirror: str | None = None) -> Path:
+    """The label of a PDS3 index, fetched with its table; the label alone names the table. Raises FailedError when one
+    of them could not be had, RefusedError when the label is none."""
+    from catalog.lists.pds_index import table_name
+
+    label = _had(item_of(location, mirror), archive, settings)
+    _had(item_of(f"{location.rpartition('/')[0]}/{table_name(label)}", mirror), archive, settings)
+    return label
+
+
+def _had(item: Item, archive: Path, settings: FetchSettings) -> Path:
+    (outcome,) = fetch_items([item], archive, settings, lambda _: None)
+    if outcome.status == "failed":
+        raise FailedError("not-fetched", f"{item.location}: {outcome.reason}.", "Check the address, or use --mirror.")
+    return archive / item.path

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from catalog.errors import RefusedError
 from catalog.fetch.item import Item
 from catalog.lists.kernel_sets import expanded, known_sha256
 from catalog.lists.location import Location, parse_location
@@ -28,6 +29,14 @@ def planned_items(image_list: ImageList, mirror: str | None = None, kinds: tuple
             source = _source(location, mirror)
             items[location.path] = Item(text, source, location.path, sha256 or known_sha256(text), size, products)
     return list(items.values())
+
+
+def item_of(text: str, mirror: str | None = None) -> Item:
+    """The item of one location. Raises RefusedError for a path, which needs no fetching."""
+    location = parse_location(text)
+    if location.url is None:
+        raise RefusedError("location-local", f"{text} is a path, not a place in an archive.", "Use the file as it is.")
+    return Item(text, _source(location, mirror), location.path, known_sha256(text))
 
 
 def _needed(entry: ImageEntry, kinds: tuple[str, ...]) -> Iterator[tuple[str, str | None, int | None]]:

@@ -33,15 +33,27 @@ class Index:
     common: dict[str, Any]
 
 
+def table_name(path: Path) -> str:
+    """The bare name of the table that an index label points to. Raises RefusedError when it points to none."""
+    return _table_name(path, _parsed(path))
+
+
+def _table_name(path: Path, content: Any) -> str:
+    places = next((value for key, value in content.items() if re.fullmatch(r"\^\w*TABLE", str(key))), None)
+    name = re.split(r"[\\/]", str(places[0] if isinstance(places, (list, tuple)) else places))[-1]
+    if places is None or not re.fullmatch(r"[\w.-]{1,100}", name):
+        raise unusable(path, "it points to no table", "Give the label of an index (INDEX.LBL, CUMINDEX.LBL).")
+    return name
+
+
 def read_index_label(path: Path) -> Index:
     """The layout of an index. Raises RefusedError when the label is no PDS3 index label or its table is not there."""
     content = _parsed(path)
-    pointer = next((str(key) for key, _ in content.items() if re.fullmatch(r"\^\w*TABLE", str(key))), None)
+    name = _table_name(path, content)
     objects = [value for key, value in content.items() if hasattr(value, "getall") and "TABLE" in str(key)]
-    if pointer is None or not objects:
-        raise unusable(path, "it points to no table", "Give the label of an index (INDEX.LBL, CUMINDEX.LBL).")
-    table, places = objects[0], content[pointer]
-    name = str(places[0] if isinstance(places, (list, tuple)) else places)
+    if not objects:
+        raise unusable(path, "it describes no table", "Give the label of an index (INDEX.LBL, CUMINDEX.LBL).")
+    table = objects[0]
     try:
         columns = tuple(
             (str(c["NAME"]).strip().upper(), int(c["START_BYTE"]) - 1, int(c["BYTES"])) for c in table.getall("COLUMN")
@@ -70,10 +82,9 @@ def _parsed(path: Path) -> Any:
 
 
 def _beside(label: Path, name: str) -> Path:
-    """The table, by its bare name whatever its case: a pointer cannot lead out of the folder."""
-    bare = re.split(r"[\\/]", name)[-1].casefold()
+    """The table, by its bare name whatever its case."""
     for path in sorted(label.parent.iterdir()):
-        if path.name.casefold() == bare and path.is_file():
+        if path.name.casefold() == name.casefold() and path.is_file():
             return path
     raise unusable(label, f"its table {name!r} is not beside it")
 

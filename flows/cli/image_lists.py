@@ -69,7 +69,9 @@ def check(name: Name, archive: Archive = None, json: AsJson = False) -> None:
 
 
 def add(
-    sources: Annotated[list[Path], typer.Argument(help="Folders of images, or labels of PDS3 indices (INDEX.LBL).")],
+    sources: Annotated[
+        list[str], typer.Argument(help="Folders of images, or labels of PDS3 indices: paths, URLs or ARCHIVE:path.")
+    ],
     to: Annotated[Path, typer.Option(help="The list to add to; made when it is not there.")] = Path("images.csv"),
     target: Annotated[str | None, typer.Option(help="Only images of this target.")] = None,
     camera: Annotated[str | None, typer.Option(help="Only images by this camera.")] = None,
@@ -77,12 +79,14 @@ def add(
         str | None, typer.Option(help="What an index's paths belong to, such as pds-rings:volumes/VGISS_5xxx.")
     ] = None,
     kernels: Annotated[list[str] | None, typer.Option(help="A kernel set or location for all of them.")] = None,
+    mirror: Annotated[str | None, typer.Option(help="URL or folder in place of all archives.")] = None,
     json: AsJson = False,
 ) -> None:
     """Add the images of folders or PDS3 indices to a list; duplicates by product, file and content are refused."""
     from catalog.lists.adding import Wanted, add_to_list
 
-    added = add_to_list(sources, to, Wanted(target, camera, base, tuple(kernels or ())))
+    places = [local_source(source, mirror) for source in sources]
+    added = add_to_list(places, to, Wanted(target, camera, base, tuple(kernels or ())))
     if json:
         print_json({"list": str(to), "added": added.count, "faults": added.faults, "no_images": added.passed_over})
     else:
@@ -90,6 +94,24 @@ def add(
             print(f"not added: {fault}")
         print(summary(added.image_list, added.count, len(added.faults), added.passed_over, to))
     raise typer.Exit(1 if added.faults else 0)
+
+
+def local_source(source: str, mirror: str | None) -> Path:
+    """A source on this disk; an index in an archive is fetched. An address that is none is wrong usage."""
+    from catalog.lists.location import parse_location
+
+    try:
+        remote = parse_location(source).url is not None
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="SOURCES") from error
+    if not remote:
+        return Path(source)
+    from catalog.fetch import FetchSettings
+    from catalog.fetch.settings import default_mirror
+    from catalog.settings import archive_folder
+    from flows.fetch import fetched_index
+
+    return fetched_index(source, archive_folder(), FetchSettings(), mirror or default_mirror())
 
 
 def summary(found: "ImageList", count: int, faults: int, passed_over: int, to: Path) -> str:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from astropy.io import fits
+from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
 from catalog.europa57 import paper_images
@@ -14,6 +15,7 @@ from catalog.lists.adding import Wanted, add_to_list, check_list
 from catalog.lists.kernel_sets import expanded, known_kernel_sets
 from catalog.lists.location import known_archives, parse_location
 from catalog.times import et_from_utc
+from flows.cli import build_app
 
 FULL = ImageEntry(
     product="C1",
@@ -233,3 +235,15 @@ def test_an_index_that_is_cut_or_points_elsewhere_is_refused(tmp_path: Path) -> 
     with pytest.raises(RefusedError, match="points to no table"):
         add_to_list([tmp_path / "no.lbl"], tmp_path / "own.csv")
     assert not (tmp_path / "own.csv").exists()
+
+
+def test_an_index_in_an_archive_is_fetched_and_added(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PLANETPOSE_ARCHIVE", str(tmp_path / "archive"))
+    index(tmp_path / "mirror" / "pds-rings" / "metadata" / "VGISS_5115", table="index.tab")
+    location = "pds-rings:metadata/VGISS_5115/INDEX.LBL"
+    arguments = ["catalog", "add", location, "--to", str(tmp_path / "own.csv"), "--target", "europa"]
+    options = ["--mirror", str(tmp_path / "mirror"), "--base", "pds-rings:volumes/VGISS_5xxx"]
+    done = CliRunner().invoke(build_app(), [*arguments, *options])
+    assert done.exit_code == 0, done.output
+    assert len(load_image_list(tmp_path / "own.csv").entries) == 2
+    assert CliRunner().invoke(build_app(), ["catalog", "add", "nasa:x/y.lbl"]).exit_code == 2
