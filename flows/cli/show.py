@@ -39,11 +39,9 @@ def overlay_picture(path: Path) -> Path:
 
 def limb_pictures(path: Path, basemap: Path | None) -> list[Path]:
     """Draw the lit limb of a product, image beside simulation, before and after the correction."""
-    from tasks.pictures.limb_figures import write_limb_figures
-    from tasks.pictures.limb_profiles import compare_limbs
-    from tasks.pictures.product import read_product
+    from tasks.pictures.redraw import draw_limb
 
-    return list(write_limb_figures(compare_limbs(read_product(path, basemap)), path).values())
+    return draw_limb(path, basemap)
 
 
 def on_a_desk() -> bool:

@@ -6,10 +6,13 @@ from typing import Any
 import pytest
 from real_bench import Bench
 
+from catalog.errors import RefusedError
 from catalog.europa57 import paper_images
 from tasks.paper.published import neighbours, published_differences
 from tasks.pictures.limb_profiles import compare_limbs
 from tasks.pictures.product import read_product
+from tasks.pictures.redraw import draw_limb
+from tasks.publish.checksums import checksum_faults
 
 pytestmark = pytest.mark.real
 
@@ -31,6 +34,20 @@ def test_lorris_published_poses_have_spices_range_and_turns_about_the_pole(data_
     assert first.turn_in_body_deg == pytest.approx([0.04, 0.01, 0.65], abs=0.02)
     assert second.turn_in_body_deg == pytest.approx([0.17, 0.0, 1.67], abs=0.02)
     assert pair.angle_deg == pytest.approx(1.02, abs=0.02)
+
+
+def test_pictures_of_the_limb_leave_the_product_sound(europa: dict[str, Any]) -> None:
+    folder = Path(europa["cube"]).parent
+    paths = draw_limb(folder)
+    assert [path.name for path in paths] == [
+        f"limb-{kind}.png" for kind in ("segments", "profiles", "derivatives", "shifts")
+    ]
+    assert checksum_faults(folder) == []
+
+
+def test_a_product_is_not_drawn_with_another_map(europa: dict[str, Any], bench: Bench) -> None:
+    with pytest.raises(RefusedError, match="was made with the base map"):
+        read_product(Path(europa["cube"]).parent, bench.data / "maps" / "europa_4096_left180E.jpg")
 
 
 def test_the_limb_of_a_product_is_the_one_that_its_result_tells(europa: dict[str, Any], bench: Bench) -> None:
