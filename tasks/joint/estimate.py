@@ -19,6 +19,7 @@ from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
+Told = dict[str, Any]
 Source = Literal["spice", "label", "file"]
 
 # How far away the second start lies: pixels of the centre, of the limb, degrees.
@@ -52,16 +53,29 @@ def find_pose_jointly(
 
     pose: where to start. predicted: what the metadata say, from `source`; the priors are about it. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
-    `predicted`). Raises FailedError when too few pixels are usable.
+    `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
+    pixels are usable.
     """
     priors: PriorSettings = getattr(settings.priors, source)
     metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
+    if is_uniform(scene):
+        settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
     estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
     return as_correction(estimate, start, metadata, sigmas, away, scene)
+
+
+def is_uniform(scene: Scene) -> bool:
+    """Whether the base map has no markings, so that no turn of the target would show."""
+    return bool(np.ptp(scene.basemap.albedo) == 0)
+
+
+def without_markings(settings: JointSettings) -> JointSettings:
+    """Settings for a target without a map: shape and shading alone, its attitude held."""
+    return settings.model_copy(update={"plain": (), "hold": tuple({*settings.hold, "attitude"})})
 
 
 def prior_sigmas(priors: PriorSettings) -> Array:
@@ -160,6 +174,8 @@ def as_correction(
         "second_start_px": away_px,
         "predicted_to_free": difference(free.state, metadata, scene.camera).tolist(),
     }
+    if is_uniform(scene):
+        evidence["attitude_held"] = "the base map is uniform: pointing, range and roll are from shape and shading alone"
     doubts = [
         doubt_of_convergence(free),
         doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), bool(held[RANGE])),
@@ -183,7 +199,25 @@ def as_correction(
         "psf_sigma_px": float(sigma[PSF] * estimate.state.psf_sigma_px),
         "range_factor_free": free_sigma,
     }
-    return Correction("joint", estimate.state.pose, changed, uncertainty, evidence, free.converged)
+    return Correction("joint", estimate.state.pose, *without_held(changed, uncertainty, held), evidence, free.converged)
+
+
+def without_held(changed: Told, uncertainty: Told, held: NDArray[np.bool_]) -> tuple[Told, Told]:
+    """Both with None for what was held and so not determined; a held offset is none, a held factor one."""
+    places = {
+        "offset_px": OFFSET.start,
+        "range_factor": RANGE,
+        "range_factor_free": RANGE,
+        "roll_deg": ROLL,
+        "attitude_deg": ATTITUDE.start,
+        "psf_sigma_px": PSF,
+    }
+    not_found = {key for key, place in places.items() if held[place]}
+    kept = {"offset_px", "range_factor", "psf_sigma_px"}
+    return (
+        {key: None if key in not_found - kept else value for key, value in changed.items()},
+        {key: None if key in not_found else value for key, value in uncertainty.items()},
+    )
 
 
 def correlation(matrix: Array, i: int, j: int) -> float:
