@@ -23,6 +23,10 @@ from tasks.simulate import Scene
 Progress = Callable[[str, int, str], None]
 
 
+# A step this small leaves nothing for another.
+NEAR_PX = 0.02
+
+
 class ScanSettings(BaseModel):
     """low, high, step: the paper's scan of 0.99-1.01; it is widened by `widen` at a time, at most to `limit` from 1,
     while the best factor is at an edge. refine_step: spacing of the three fresh renders that the parabola goes through.
@@ -163,6 +167,8 @@ def trial_of(match: Match, bases: NDArray[np.float32], factor: float, index: Ssi
     for _ in range(2):
         step, _ = gauss_newton_step(match.image, match.weight, np.stack([moved(b, offset) for b in bases]))
         offset = offset + np.clip(step, -3, 3)
+        if np.abs(step).max() < NEAR_PX:
+            break
     model, _ = fit_brightness(match, np.stack([moved(b, offset) for b in bases]))
     return Trial(factor, ssim(match.image, model, match.usable, index), offset)
 

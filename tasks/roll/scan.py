@@ -12,7 +12,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float32]
-RINGS, ANGLES = 32, 720
+RINGS, ANGLES = 24, 360
 # From near the centre, where turns move nothing, to just outside the limb.
 INNER_RADII, OUTER_RADII = 0.15, 1.04
 MIN_SHADING = 0.02
@@ -47,7 +47,7 @@ class PolarScan:
 
 
 def polar_scan(match: Match, reach_deg: float) -> PolarScan:
-    """Correlation of the image with the simulation turned by up to `reach_deg` either way, in steps of half a degree.
+    """Correlation of the image with the simulation turned by up to `reach_deg` either way, in steps of a degree.
 
     A camera's roll turns markings and shading together; a turn of the target turns the markings under a shading that
     stays, for a sphere. At every angle the brightness of each basis image is fitted again.

@@ -34,6 +34,7 @@ OVERSAMPLE = 2
 STILL_PX = 0.05
 SMALL_DEG, HARM = 2.0, 2e-3
 MIN_CONTRAST = 0.3
+SCAN_ERROR_DEG = 0.9
 
 
 class RollSettings(BaseModel):
@@ -100,6 +101,11 @@ def find_roll(
     here = match_scene(small, scene, pose)
     before = likeness(here)
     scan = polar_scan(here, settings.reach_deg) if settings.reach_deg > 0 else None
+    if scan is not None and not any(may_be_large(scan, kind, settings) for kind in kinds):
+        reason = f"the scan finds no turn near {settings.apply_from_deg} deg; the attitude takes up smaller ones"
+        best_angles = {kind: scan.best(kind) for kind in kinds}
+        nothing = {"roll_deg": None, "turn_deg": None}
+        return Correction("roll", pose, nothing, nothing, {"reduction": n, "scan": best_angles, "left": reason})
     trials = {kind: tried(kind, pose, small, scene, settings, scan, progress) for kind in kinds}
     best = max(trials.values(), key=lambda trial: trial.correlation)
     told = len(kinds) == 1 or explains_more(best.correlation, min(t.correlation for t in trials.values()), settings)
@@ -118,6 +124,14 @@ def find_roll(
         "settled": best.settled,
     }
     return verdict(pose, best, scene, settings, evidence)
+
+
+def may_be_large(scan: PolarScan, kind: str, settings: RollSettings) -> bool:
+    """Whether the scan leaves it open that a turn is as large as it must be to be applied."""
+    angle_deg, correlation = scan.best(kind)
+    if abs(angle_deg) + SCAN_ERROR_DEG < settings.apply_from_deg:
+        return False
+    return settings.apply_from_deg == 0 or explains_more(correlation, scan.unturned, settings)
 
 
 def tried(

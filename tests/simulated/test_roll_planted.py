@@ -64,6 +64,7 @@ def test_a_right_roll_stays_and_a_small_one_can_be_left_to_the_attitude(observat
     left = found(observation, camera_rolled(TRUTH, 0.5), apply_from_deg=2.0)
     assert left.changed == {"roll_deg": None, "turn_deg": None}
     assert "attitude" in left.evidence["left"]
+    assert "trials" not in left.evidence  # the scan alone could tell
 
 
 def test_a_bland_disk_near_full_phase_has_no_roll() -> None:

@@ -62,6 +62,16 @@ def test_points_on_one_line_with_the_centre_leave_the_turn_undetermined() -> Non
         robust_kabsch(line, line, np.ones(4))
 
 
+def test_nearly_collinear_or_lost_vectors_are_refused_too() -> None:
+    rng = np.random.default_rng(2)
+    bunch = np.array([0.1, -0.2, 0.97]) + 0.01 * rng.standard_normal((50, 3))
+    with pytest.raises(ValueError, match="collinear"):
+        kabsch(bunch, bunch)
+    spread = cap_points(50, 3)
+    with pytest.raises(ValueError, match="finite"):
+        kabsch(spread, np.where(np.arange(50)[:, None] == 7, np.nan, spread))
+
+
 @pytest.mark.parametrize(("p", "q"), [((2, 3), (2, 3)), ((4, 3), (5, 3)), ((4, 2), (4, 2)), ((12,), (12,))])
 def test_sets_that_do_not_match_are_refused(p: tuple[int, ...], q: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="two equal sets"):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tasks.compare.similarity import ssim
+from tasks.compare.similarity import SsimSettings, ssim
 
 RNG = np.random.default_rng(0)
 TEXTURE = np.cumsum(np.cumsum(RNG.standard_normal((60, 70)), axis=0), axis=1).astype(np.float32)
@@ -79,3 +79,16 @@ def test_a_wrong_scale_lowers_it_more_the_wronger_it_is() -> None:
     values = [ssim(scaled(1.0), scaled(factor), np.ones((70, 70), bool)) for factor in (1.0, 1.03, 1.08, 1.15)]
     assert values == sorted(values, reverse=True)
     assert values[0] - values[1] > 0.01
+
+
+def test_exponents_choose_the_terms_and_the_whole_image_can_be_one_window() -> None:
+    other = 2 * TEXTURE + 5 * TEXTURE.std()
+    structure = SsimSettings(luminance=0, contrast=0)
+    assert ssim(TEXTURE, other, EVERYWHERE, structure) == pytest.approx(1, abs=0.02)
+    assert ssim(TEXTURE, other, EVERYWHERE) < 0.9
+    whole = SsimSettings(window="whole", k1=0, k2=0)
+    x, y = TEXTURE.astype(np.float64), other.astype(np.float64)
+    expected = 2 * x.mean() * y.mean() / (x.mean() ** 2 + y.mean() ** 2) * 2 * x.std() * y.std() / (x.var() + y.var())
+    expected *= np.corrcoef(x.ravel(), y.ravel())[0, 1]
+    assert ssim(TEXTURE, other, EVERYWHERE, whole) == pytest.approx(expected, rel=1e-6)
+    assert ssim(TEXTURE, -TEXTURE, EVERYWHERE, structure) < -0.9
