@@ -7,7 +7,7 @@ from pathlib import Path
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.lists.kernel_sets import expanded
-from catalog.lists.loading import load_image_list, read_image_list, row_of, sound_entries, write_image_list
+from catalog.lists.loading import load_image_list, read_image_list, sound_entries, write_image_list
 from catalog.lists.location import parse_location
 from catalog.lists.model import ImageEntry, ImageList
 from catalog.lists.pds_index import index_entries
@@ -46,7 +46,7 @@ def add_to_list(sources: list[Path], list_file: Path, wanted: Wanted | None = No
     for source in sources:
         if source.is_dir():
             found = scan_folder(source, list_file.parent)
-            rows += [(entry.image, row_of(entry)) for entry in found.entries if _is_wanted(entry, wanted)]
+            rows += [(row["image"], row) for row in found.rows if _is_wanted(row, wanted)]
             faults += found.faults
             passed_over += found.passed_over
         else:
@@ -60,8 +60,8 @@ def add_to_list(sources: list[Path], list_file: Path, wanted: Wanted | None = No
     return Added(new, len(entries), (*faults, *refused), passed_over)
 
 
-def _is_wanted(entry: ImageEntry, wanted: Wanted) -> bool:
-    return wanted.target in (None, entry.target) and wanted.camera in (None, entry.camera)
+def _is_wanted(row: Row, wanted: Wanted) -> bool:
+    return wanted.target in (None, row.get("target")) and wanted.camera in (None, row.get("camera"))
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,13 @@ class ImageEntry(BaseModel):
             parse_location(text)
         return texts
 
+    @field_validator("image", "label", "camera", "target", "filter", "utc", "notes")
+    @classmethod
+    def _is_printable(cls, text: str | None) -> str | None:
+        if text is not None and not text.isprintable():
+            raise ValueError(f"{text!r} holds control characters")
+        return text
+
     @field_validator("camera", "target")
     @classmethod
     def _is_in_the_catalog(cls, name: str | None, info: Any) -> str | None:

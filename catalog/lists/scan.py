@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalog.errors import RefusedError
-from catalog.lists.model import ImageEntry
+from catalog.lists.location import ARCHIVE, URL
+from catalog.lists.tables import Row
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
 
@@ -15,16 +16,16 @@ LABEL_SUFFIXES = (".LBL", ".lbl")
 
 @dataclass
 class Scan:
-    """entries: of the readable images. faults: of the others. passed_over: labels, tables and other files."""
+    """rows: of the readable images. faults: of the others. passed_over: labels, tables and other files."""
 
-    entries: list[ImageEntry] = field(default_factory=list)
+    rows: list[Row] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
     passed_over: int = 0
 
 
 def scan_folder(folder: Path, relative_to: Path) -> Scan:
     """Read every image below `folder`, in the order of names; links to folders and hidden files are left out. Paths of
-    the entries are relative to `relative_to` where they lie below it. Raises RefusedError when it is no folder."""
+    the rows are relative to `relative_to` where they lie below it. Raises RefusedError when it is no folder."""
     if not folder.is_dir():
         raise RefusedError("folder-missing", f"{folder} is no folder.", "Give a folder of images, or an index label.")
     found = Scan()
@@ -33,7 +34,7 @@ def scan_folder(folder: Path, relative_to: Path) -> Scan:
             found.passed_over += 1
             continue
         try:
-            found.entries.append(entry_of_file(path, relative_to))
+            found.rows.append(row_of_file(path, relative_to))
         except RefusedError as refusal:
             found.faults.append(refusal.reason)
     return found
@@ -57,27 +58,29 @@ def looks_like_an_image(path: Path) -> bool:
     return any(reader.recognises(head, path) for reader in READERS)
 
 
-def entry_of_file(path: Path, relative_to: Path) -> ImageEntry:
-    """The row of one image. Raises RefusedError as `read_frame` does."""
+def row_of_file(path: Path, relative_to: Path) -> Row:
+    """What is known of one image; not checked yet. Raises RefusedError as `read_frame` does."""
     from catalog.readers import read_frame
 
     frame = read_frame(path)
     beside = (path.with_suffix(suffix) for suffix in LABEL_SUFFIXES if path.suffix != suffix)
     label = next((candidate for candidate in beside if candidate.is_file()), None)
-    return ImageEntry(
-        product=safe_product_name(path.stem),
-        image=_relative(path, relative_to),
-        label=None if label is None else _relative(label, relative_to),
-        camera=frame.camera,
-        target=frame.target,
-        utc=None if frame.et is None else utc_from_et(frame.et),
-        exposure_s=frame.exposure_s if frame.exposure_s is None or frame.exposure_s >= 0 else None,
-        filter=frame.filter,
-        sha256=frame.sha256,
-        bytes=path.stat().st_size,
-    )
+    found = {
+        "product": safe_product_name(path.stem),
+        "image": _relative(path, relative_to),
+        "label": None if label is None else _relative(label, relative_to),
+        "camera": frame.camera,
+        "target": frame.target,
+        "utc": None if frame.et is None else utc_from_et(frame.et),
+        "exposure_s": frame.exposure_s if frame.exposure_s is None or frame.exposure_s >= 0 else None,
+        "filter": frame.filter,
+        "sha256": frame.sha256,
+        "bytes": path.stat().st_size,
+    }
+    return {key: value for key, value in found.items() if value is not None}
 
 
 def _relative(path: Path, start: Path) -> str:
     whole, base = path.resolve(), start.resolve()
-    return str(whole.relative_to(base) if whole.is_relative_to(base) else whole)
+    text = str(whole.relative_to(base) if whole.is_relative_to(base) else whole)
+    return f"./{text}" if ARCHIVE.match(text) or URL.match(text) else text  # a folder may be called like an archive

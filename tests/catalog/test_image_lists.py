@@ -59,6 +59,7 @@ def test_what_is_written_is_read_again(suffix: str, tmp_path: Path) -> None:
         ("product,image\na,a.img\nb,a.img\n", "the same image as line 2"),
         (f"product,image,sha256\na,a.img,{'0' * 64}\nb,b.img,{'0' * 64}\n", "the same content as line 2"),
         ("product,image\na\n", "line 2 has 1 cells"),
+        ("product,image,target\na,a.img,\x1b[31mred\n", "holds control characters"),
         ("product,image,camera\na,a.img,kodak\n", "camera 'kodak' is unknown; known: cassini-nac"),
         ("product,image\n../x,a.img\n", "is no name for a folder in a store"),
         ("product,image,sha256\na,a.img,abc\n", "sha256: String should match"),
@@ -151,6 +152,14 @@ def test_a_folder_is_scanned_and_duplicates_are_refused(tmp_path: Path) -> None:
     faults = check_list(tmp_path / "own.csv").faults
     assert any("is not what the list says" in fault for fault in faults)
     assert any("the same content as one" in fault for fault in faults)
+
+
+def test_folders_and_files_of_strange_names_are_scanned(tmp_path: Path) -> None:
+    for number, folder in enumerate(("naif:x", "$(id)", "a b", "ü")):
+        written(tmp_path / folder, f"im{number}.fits", number)
+    added = add_to_list([tmp_path], tmp_path / "own.csv")
+    assert (added.count, added.faults) == (4, ())
+    assert check_list(tmp_path / "own.csv").faults == ()
 
 
 INDEX_LABEL = """PDS_VERSION_ID = PDS3
