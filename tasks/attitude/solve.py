@@ -25,6 +25,7 @@ Progress = Callable[[str, int, str], None]
 
 # Between these radii the paper's boxes span some degrees and still see the markings.
 COARSE_RADIUS_PX, FINE_RADIUS_PX = 100.0, 320.0
+SMALLEST_RADIUS_PX = 40.0
 # Markings are smooth; only limbs need more sub-pixels.
 OVERSAMPLE = 2
 
@@ -77,13 +78,14 @@ def find_attitude(
     radius = disk_radius_px(pose, scene.camera, scene.target)
     reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
-    quick = reduced_observation(observation, reductions[0]), reduced_scene(scene, reductions[0])
+    quick = reductions[0]
     turned, turns, settled = pose, [], False
+    first = simulated_match(observation, scene, pose, reductions[0])
+    before = likeness(first)
+    if one_turn(first, settings).vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
+        reductions.insert(0, 2 * reductions[0])  # the markings may be beyond the search: seen from afar they are not
     for iteration, reduction in enumerate([*reductions, *reductions[-1:] * (settings.max_turns - 1)], 1):
-        match = match_scene(reduced_observation(observation, reduction), reduced_scene(scene, reduction), turned)
-        if iteration == 1:
-            before = likeness(match)
-        turn = one_turn(match, settings)
+        turn = one_turn(simulated_match(observation, scene, turned, reduction), settings)
         turns.append({"reduction": reduction, **turn.evidence})
         turned = turn.pose
         if progress:
@@ -91,7 +93,7 @@ def find_attitude(
         settled = iteration >= len(reductions) and is_still(turn, settings.settle_deg)
         if settled or (iteration >= len(reductions) and turn.vector_deg is None):
             break
-    after = likeness(match_scene(*quick, turned))
+    after = likeness(simulated_match(observation, scene, turned, quick))
     # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
     whole = vector_deg_from_rotation((turned.body_from_j2000 @ pose.body_from_j2000.T).T)
     evidence: dict[str, Any] = {
@@ -103,13 +105,18 @@ def find_attitude(
     reason = why_not(turn, whole, before, after, settings)
     if reason is not None:
         evidence |= {"undetermined": reason, "settled": None}
-        if turn.evidence.get("mismatch"):
+        if turn.evidence.get("mismatch") or "not believable" in reason:
             evidence["doubt"] = (
                 f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
             )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
     sigma = None if turn.sigma_deg is None else turn.sigma_deg.tolist()
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence, settled)
+
+
+def simulated_match(observation: Observation, scene: Scene, pose: Pose, reduction: int) -> Match:
+    """Image and simulation of `pose` at a fraction of the resolution."""
+    return match_scene(reduced_observation(observation, reduction), reduced_scene(scene, reduction), pose)
 
 
 def is_still(turn: Turn, settle_deg: float) -> bool:

@@ -39,7 +39,9 @@ def told(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def assert_meets_the_bar(result: dict[str, Any]) -> None:
-    assert (result["status"], result["reason"]) == ("ok", None)
+    # A body turned anyhow is published, with the doubt that its markings do not match.
+    sure = (result["status"], result["reason"]) == ("ok", None)
+    assert sure or (result["attitude_deg"] is None and "markings-do-not-match" in result["reason"])
     assert result["limb_rms_px"] <= LIMB_BAR_PX
     assert result["similarity"]["after"] > result["similarity"]["before"] + 0.05
     assert Path(result["overlay"]).read_bytes().startswith(b"\x89PNG")

@@ -91,4 +91,4 @@ def test_exponents_choose_the_terms_and_the_whole_image_can_be_one_window() -> N
     expected = 2 * x.mean() * y.mean() / (x.mean() ** 2 + y.mean() ** 2) * 2 * x.std() * y.std() / (x.var() + y.var())
     expected *= np.corrcoef(x.ravel(), y.ravel())[0, 1]
     assert ssim(TEXTURE, other, EVERYWHERE, whole) == pytest.approx(expected, rel=1e-6)
-    assert ssim(TEXTURE, -TEXTURE, EVERYWHERE, structure) < -0.9
+    assert ssim(TEXTURE, -TEXTURE, EVERYWHERE, structure) < -0.5
