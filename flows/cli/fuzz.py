@@ -1,5 +1,6 @@
 """planetpose benchmark fuzz"""
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -10,18 +11,29 @@ def fuzz(
     count: Annotated[int, typer.Option(min=1, help="Damaged files to read.")] = 2200,
     seed: Annotated[int, typer.Option(min=0, help="Another seed: other damage.")] = 1,
     folder: Annotated[Path | None, typer.Option(help="Undamaged files (default: images/ of PLANETPOSE_DATA).")] = None,
+    correct: Annotated[int, typer.Option(min=0, help="Also correct so many that are read, of --correct-file.")] = 0,
+    correct_file: Annotated[Path | None, typer.Option(help="An image whose label gives its geometry.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Damage real files, read each in a bounded process, and count who is refused, read, crashes or hangs."""
     from catalog.settings import data_folder
     from flows.cli.output import clean_stdout, write_json
-    from flows.fuzz.bench import fuzz_readers, originals_in, table
+    from flows.fuzz.bench import Original, fuzz_readers, originals_in, table
 
     images = folder or (data_folder() or Path()) / "images"
     with clean_stdout() as answer:
-        findings = fuzz_readers(originals_in(images), count, seed)
+        findings, verdicts = fuzz_readers(originals_in(images), count, seed), None
+        if not json:
+            print(table(findings), file=answer, flush=True)
+        if correct:
+            from flows.fuzz.corrected import correct_damaged
+
+            image = correct_file or images / "galileo" / "C0552809300R.IMG"
+            verdicts = correct_damaged(
+                Original(image, None), correct, seed, tell=lambda line: print(line, file=sys.stderr)
+            )
         if json:
-            write_json(answer, findings.to_dict())
-        else:
-            print(table(findings), file=answer)
-    raise typer.Exit(1 if findings.bad else 0)
+            write_json(answer, findings.to_dict() | {"corrected": verdicts.to_dict() if verdicts else None})
+        elif verdicts:
+            print(f"corrected: {dict(verdicts.counts)}; ok ones within {verdicts.furthest_px:.2f} px", file=answer)
+    raise typer.Exit(1 if findings.bad or (verdicts and verdicts.wrong) else 0)

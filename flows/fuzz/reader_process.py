@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+READER = (sys.executable, "-m", "flows.fuzz.child")
 START_TIMEOUT_S = 120.0
 SINGLE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 
@@ -17,8 +18,8 @@ SINGLE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL
 class ReaderProcess:
     """Answers of `flows.fuzz.child`; use it in a `with` block."""
 
-    def __init__(self, timeout_s: float, memory_bytes: int) -> None:
-        self._timeout_s, self._memory_bytes = timeout_s, memory_bytes
+    def __init__(self, timeout_s: float, memory_bytes: int, command: tuple[str, ...] = READER) -> None:
+        self._timeout_s, self._command = timeout_s, [*command, str(memory_bytes)]
         self._process: subprocess.Popen[str] | None = None
 
     def __enter__(self) -> "ReaderProcess":
@@ -44,9 +45,8 @@ class ReaderProcess:
     def _start(self) -> "subprocess.Popen[str]":
         self._errors.seek(0)
         self._errors.truncate()
-        command = [sys.executable, "-m", "flows.fuzz.child", str(self._memory_bytes)]
         self._process = subprocess.Popen(
-            command,
+            self._command,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,
