@@ -19,7 +19,7 @@ for line in sys.stdin:
     if "hang" in line: time.sleep(60)
     print(json.dumps({"outcome": "read", "pixels": "1", "metadata": "1"}), flush=True)
 """
-CONTENT = b"LBLSIZE=100 NL=30 NS=40 EXPOSURE=12.5 TARGET='EUROPA' " * 40 + bytes(range(256)) * 100
+CONTENT = b"LBLSIZE=100 NL=30 NS=40 EXPOSURE=12.5 TARGET='EUROPA' " * 40 + np.random.default_rng(0).bytes(25_000)
 
 
 def test_a_crash_and_a_hang_are_seen_and_the_next_file_is_read() -> None:
