@@ -44,12 +44,17 @@ def optical_flow(
     var_t = np.maximum(box_mean(t * t, template_px) - mean_t**2, 0)
     var_f = np.maximum(box_mean(f * f, template_px) - mean_f**2, 0)
     size = 2 * reach + 1
-    scores = np.full((size, size, *t.shape), -1, np.float32)
-    for i, dy in enumerate(range(-reach, reach + 1)):
-        for j, dx in enumerate(range(-reach, reach + 1)):
-            moved_f, moved_mean, moved_var = (shifted(a, dx, dy) for a in (f, mean_f, var_f))
-            covariance = box_mean(t * moved_f, template_px) - mean_t * moved_mean
-            scores[i, j] = covariance / np.sqrt(np.maximum(var_t * moved_var, 1e-12))
+    scores = np.empty((size, size, *t.shape), np.float32)
+    wide = [np.pad(a, reach, mode="edge") for a in (f, mean_f, 1 / np.sqrt(np.maximum(var_f, 1e-6)))]
+    inverse_t = 1 / np.sqrt(np.maximum(var_t, 1e-6))
+    ny, nx = t.shape
+    for i in range(size):
+        for j in range(size):
+            moved_f, moved_mean, inverse_f = (a[i : i + ny, j : j + nx] for a in wide)
+            covariance = box_mean(t * moved_f, template_px)
+            covariance -= mean_t * moved_mean
+            covariance *= inverse_t
+            np.multiply(covariance, inverse_f, out=scores[i, j])
     displacement, correlation, inside = peaks(scores, reach)
     clear = box_mean(usable.astype(np.float32), search_px) > 1 - 1e-4
     textured = np.sqrt(var_t) * scale > max(min_texture, 1e-6 * scale)
@@ -62,14 +67,6 @@ def box_mean(a: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     import cv2
 
     return cv2.boxFilter(a, cv2.CV_32F, (side, side), borderType=cv2.BORDER_REPLICATE)
-
-
-def shifted(a: NDArray[np.float32], dx: int, dy: int) -> NDArray[np.float32]:
-    """a at (x + dx, y + dy), edges replicated."""
-    ny, nx = a.shape
-    rows = np.clip(np.arange(ny) + dy, 0, ny - 1)
-    columns = np.clip(np.arange(nx) + dx, 0, nx - 1)
-    return a[rows[:, None], columns]
 
 
 def away_from_edge(shape: tuple[int, int], search_px: int) -> NDArray[np.bool_]:
