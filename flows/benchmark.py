@@ -23,15 +23,18 @@ EUROPA = Target(name="europa", naif_id=502, radii_km=(1562.6, 1560.3, 1559.5))
 REPEATS = 20
 SPICE_PIXELS = 2000
 LIMB_PIXELS = 400
+OFF_LIMB_DEG = 80.0
 
 
-def benchmark_projection(size: int = 1024) -> dict[str, Any]:
+def benchmark_projection(size: int = 1024, peers: bool = False) -> dict[str, Any]:
     """Five planes (latitude, longitude, incidence, emission, phase) of a size x size frame that the disk fills.
 
     Returns, in seconds: ours_s and numpy_s (best of several runs), first_call_s (loading or building the compiled
     code included), spice_loop_s (SINCPT + ILUMIN + RECLAT per pixel, scaled up from spice_pixels_timed random pixels of
     the frame). max_difference_deg: the largest angle between ours and SPICE's over those pixels and the limb's
     (longitude differences times cos latitude); limb_difference_deg: at the limb pixels alone. Needs no kernels.
+    peers: rms-oops and PlanetMapper on the same frame too, each with seconds and how much slower than ours it is, its
+    largest difference and the largest at emission below 80 deg; null where it is not installed.
     """
     pose, camera = frame_filling_scene(size)
     first_call_s, _ = _timed(lambda: project_planes(pose, camera, EUROPA, planes=ANGLES))
@@ -46,7 +49,7 @@ def benchmark_projection(size: int = 1024) -> dict[str, Any]:
             at_limb = project_with_spice(pose, camera, limb_xy)
     spice_loop_s = timed_s * size * size / SPICE_PIXELS
     limb_difference = _difference_deg(ours, limb_xy, at_limb)
-    return {
+    figures = {
         "size_px": [size, size],
         "planes": list(ANGLES),
         "on_body_fraction": float(ours.on_body.mean()),
@@ -62,6 +65,30 @@ def benchmark_projection(size: int = 1024) -> dict[str, Any]:
         "numpy_difference_deg": _planes_difference_deg(ours, plain),
         "first_call_s": first_call_s,
     }
+    return figures | ({"peers": peer_figures(pose, camera, ours, ours_s)} if peers else {})
+
+
+def peer_figures(pose: Pose, camera: Camera, ours: Planes, ours_s: float) -> dict[str, Any]:
+    """What other programs make of the same frame; None for one that is not installed."""
+    from tasks.project.peers import PEERS
+
+    figures: dict[str, Any] = {}
+    for name, planes_by_peer in PEERS.items():
+        try:
+            seconds, planes = planes_by_peer(pose, camera, EUROPA)
+        except ModuleNotFoundError:
+            figures[name] = None
+            continue
+        peer = Planes(ours.window, planes)
+        off_limb = Planes(ours.window, {n: np.where(ours.emission < OFF_LIMB_DEG, planes[n], np.nan) for n in ANGLES})
+        figures[name] = {
+            "seconds": seconds,
+            "times_slower": seconds / ours_s,
+            "max_difference_deg": _planes_difference_deg(ours, peer),
+            "off_limb_difference_deg": _planes_difference_deg(ours, off_limb),
+            "pixels_seen_by_one_only": int((ours.on_body != np.isfinite(planes["latitude"])).sum()),
+        }
+    return figures
 
 
 def frame_filling_scene(size: int) -> tuple[Pose, Camera]:

@@ -21,13 +21,16 @@ def register(app: typer.Typer) -> None:
 def projection(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="rms-oops and PlanetMapper too (pip install planetpose[benchmark]).")
+    ] = False,
 ) -> None:
     """Time five planes of a frame against plain numpy and a SPICE loop, and compare the angles."""
     from flows.benchmark import benchmark_projection
     from flows.cli.output import clean_stdout, write_json
 
     with clean_stdout() as answer:
-        figures = benchmark_projection(size)
+        figures = benchmark_projection(size, peers)
         if json:
             write_json(answer, figures)
         else:

@@ -5,7 +5,9 @@ import json
 import pytest
 import spiceypy
 
-from flows.benchmark import benchmark_projection
+from flows.benchmark import EUROPA, benchmark_projection, frame_filling_scene, peer_figures
+from tasks.project import peers
+from tasks.project.planes import ANGLES, project_planes
 
 
 @pytest.fixture(scope="module")
@@ -30,3 +32,22 @@ def test_the_benchmark_leaves_the_kernel_pool_as_it_was(figures):
     assert spiceypy.ktotal("ALL") == 0
     with pytest.raises(spiceypy.NotFoundError):
         spiceypy.bodn2c("PLANETPOSE_BODY")
+
+
+def test_peers_are_compared_and_those_that_are_not_installed_are_null(monkeypatch):
+    def nearly_ours(pose, camera, target):
+        planes = dict(project_planes(pose, camera, target, planes=ANGLES).planes)
+        return 2.0, planes | {"incidence": planes["incidence"] + 1e-5}
+
+    def not_installed(pose, camera, target):
+        raise ModuleNotFoundError("nobody")
+
+    monkeypatch.setattr(peers, "PEERS", {"one": nearly_ours, "other": not_installed})
+    pose, camera = frame_filling_scene(64)
+    ours = project_planes(pose, camera, EUROPA, planes=ANGLES)
+    figures = peer_figures(pose, camera, ours, 0.02)
+    assert figures["other"] is None
+    assert figures["one"]["times_slower"] == pytest.approx(100)
+    assert figures["one"]["max_difference_deg"] == pytest.approx(1e-5)
+    assert figures["one"]["off_limb_difference_deg"] == pytest.approx(1e-5)
+    assert figures["one"]["pixels_seen_by_one_only"] == 0
