@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|steps|index|fuzz"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz"""
 
 from typing import Annotated
 
@@ -12,6 +12,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
     group.callback()(lambda: None)
     group.command()(projection)
+    group.command()(mesh)
     group.command()(steps)
     group.command()(index)
     group.command()(fuzz)
@@ -35,6 +36,24 @@ def projection(
             write_json(answer, figures)
         else:
             for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def mesh(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
+    facets: Annotated[int, typer.Option(min=100, max=10_000_000, help="About this many triangles.")] = 200_000,
+) -> None:
+    """Time five planes of a frame on a shape model, a sphere of triangles, and compare them with the sphere's."""
+    from flows.benchmark_mesh import benchmark_mesh
+    from flows.cli.output import clean_stdout, write_json
+
+    with clean_stdout() as answer:
+        figures = benchmark_mesh(size, facets)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in {**figures.pop("differences_deg"), **figures}.items():
                 print(f"{name:28s} {value}", file=answer)
 
 

@@ -1,7 +1,7 @@
 """Shape models: triangles of a body, from DSK kernels and OBJ or PLY files."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +28,6 @@ class Mesh:
             raise ValueError(f"{len(self.faces)} faces over {len(self.vertices_km)} vertices are no mesh")
         if not np.isfinite(self.vertices_km).all():
             raise ValueError("a vertex is not finite")
-
-    @cached_property
-    def normals(self) -> Array:
-        """Of the faces (f, 3), as their corners are ordered; their length is twice the area."""
-        a, b, c = (self.vertices_km[self.faces[:, i]] for i in range(3))
-        return np.cross(b - a, c - a)
 
     @property
     def radius_km(self) -> float:

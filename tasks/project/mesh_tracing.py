@@ -20,7 +20,7 @@ from catalog.target import Target
 from tasks.project.mesh import Mesh
 from tasks.project.planes import Window
 from tasks.project.rays import spacecraft_in_radii
-from tasks.project.sight import Sight, sight_of
+from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
 VARIANT = "scalar_rgb"
@@ -153,11 +153,3 @@ def mitsuba_mesh(vertices: Array, faces: NDArray[np.int64], bsdf: Any = None) ->
     values["faces"] = faces.astype(np.uint32).ravel()
     values.update()
     return mesh
-
-
-def points_on_faces(sight: Sight, directions: Array, mesh: Mesh, faces: NDArray[np.int64]) -> Array:
-    """Where lines of sight (n, 3), body-fixed, meet the planes of the faces (n,) that they see: (n, 3) km."""
-    normals, corner = mesh.normals[faces], mesh.vertices_km[mesh.faces[faces, 0]]
-    along = np.einsum("ij,ij->i", normals, corner - sight.spacecraft_km)
-    along /= np.einsum("ij,ij->i", normals, directions)
-    return sight.spacecraft_km + along[:, None] * directions

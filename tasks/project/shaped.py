@@ -11,7 +11,7 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.mesh import Mesh, mesh_of
 from tasks.project.mesh_shadow import sunlit_faces_under
-from tasks.project.mesh_tracing import points_on_faces, triangles_under_pixels, triangles_under_places
+from tasks.project.mesh_tracing import triangles_under_pixels, triangles_under_places
 from tasks.project.planes import PLANES, SUNLIT, Planes, Window, full_window
 from tasks.project.seen import Seen
 from tasks.project.sight import sight_of
@@ -76,11 +76,10 @@ def mesh_seen_at(
 
 
 def _seen(pose: Pose, camera: Camera, target: Target, mesh: Mesh, xy_px: Array, faces: NDArray[np.int64]) -> Seen:
-    sight = sight_of(pose, target)
-    offset = (xy_px - np.asarray(camera.centre_px)) / camera.focal_length_px
-    pinhole = np.concatenate([offset, np.ones_like(offset[:, :1])], axis=1)
-    points = points_on_faces(sight, pinhole @ sight.body_from_camera.T, mesh, faces)
-    normals = mesh.normals[faces]
-    # What is seen is the outside, however the corners are ordered.
-    normals *= np.where(np.einsum("ij,ij->i", normals, sight.spacecraft_km - points) < 0, -1.0, 1.0)[:, None]
-    return Seen(pose, camera, target, points, normals, -pinhole @ sight.apparent_from_camera.T)
+    from tasks.project.mesh_kernel import meet_faces
+
+    sight, out = sight_of(pose, target), np.empty((9, len(faces)))
+    maps = (np.ascontiguousarray(m) for m in (sight.spacecraft_km, sight.body_from_camera, sight.apparent_from_camera))
+    pinhole = (np.asarray(camera.centre_px), float(camera.focal_length_px))
+    meet_faces(np.ascontiguousarray(xy_px), faces, mesh.vertices_km, mesh.faces, *maps, *pinhole, out)
+    return Seen(pose, camera, target, out[:3].T, out[3:6].T, out[6:].T)

@@ -33,7 +33,8 @@ def sphere_mesh(n: int) -> Mesh:
     a, b = row * 2 * n + column, row * 2 * n + (column + 1) % (2 * n)
     corners = [np.stack([a, b, b + 2 * n], -1), np.stack([a, b + 2 * n, a + 2 * n], -1)]
     faces = np.concatenate([f.reshape(-1, 3) for f in corners])
-    area = np.linalg.norm(Mesh(vertices, faces).normals, axis=1)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return Mesh(vertices, faces[area > 1e-9])
 
 

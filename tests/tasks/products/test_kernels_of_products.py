@@ -1,0 +1,61 @@
+"""From published products to kernel sets, as the command does it."""
+
+import json
+
+import pytest
+from small_product import pose_of, small_publication
+from typer.testing import CliRunner
+
+from catalog.errors import RefusedError
+from flows.cli import build_app
+from flows.kernels import kernels_of
+from tasks.kernels.exposure import read_exposure
+from tasks.publish import publish
+
+BAR_DEG = 1e-4
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("store")
+    velocities = {"spacecraft_velocity_km_s": (4.0, -9.0, 2.0), "target_velocity_km_s": (-7.0, 1.0, 3.0)}
+    for name, later_s in (("C0001", 0.0), ("C0002", 60.0)):
+        pose = pose_of(20.0)
+        pose = pose.replaced(et=pose.et + later_s, **velocities)
+        provenance = {"image": {"sha256": "ab12", "exposure_s": 0.25}, "kernels": [{"name": "pck00010.tpc"}]}
+        publish(small_publication(name, size=48, radius_px=20.0, pose_after=pose, provenance=provenance), folder)
+    return folder
+
+
+def test_a_product_becomes_an_exposure(store):
+    exposure = read_exposure(store / "C0002")
+    assert (exposure.product, exposure.exposure_s, exposure.moving) == ("C0002", 0.25, True)
+    assert exposure.pose.et == pose_of(20.0).et + 60.0
+    assert exposure.origin["image_sha256"] == "ab12"
+    assert exposure.origin["kernels"] == ["pck00010.tpc"]
+
+
+def test_the_command_writes_one_set_for_the_store_and_tells_the_round_trip(store, tmp_path):
+    arguments = ["kernels", str(store), "--out", str(tmp_path / "out"), "--no-kernels", "--json"]
+    done = CliRunner().invoke(build_app(), arguments)
+    assert done.exit_code == 0, done.output
+    out = tmp_path / "out" / "planetpose_test"
+    assert sorted(p.name for p in out.iterdir()) == sorted(
+        f"planetpose_test{suffix}" for suffix in (".tsc", ".tf", ".tpc", ".bpc", ".bc", "_alone.bsp", "_alone.tm")
+    )
+
+
+def test_what_is_told_of_a_set(store, tmp_path):
+    (told,) = kernels_of([store], tmp_path, [])
+    assert json.loads(json.dumps(told)) == told
+    assert told["products"] == ["C0001", "C0002"]
+    assert max(told["round_trip_deg"]["alone"].values()) < BAR_DEG
+    assert {note["what"] for note in told["left_out"]} == {"mission"}
+
+
+def test_no_product_or_one_twice_is_refused(store, tmp_path):
+    with pytest.raises(RefusedError, match="given twice"):
+        kernels_of([store, store / "C0001"], tmp_path, [])
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RefusedError, match="holds no product"):
+        kernels_of([tmp_path / "empty"], tmp_path, [])
