@@ -1,0 +1,140 @@
+"""One image's joint result as a measurement: what the picture alone says of range, roll, attitude and blur."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.errors import RefusedError
+from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
+from catalog.target import Target
+from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State
+
+Array = NDArray[np.float64]
+LIGHT_KM_S = 299792.458
+# The shared unknowns: all but the centre.
+SHARED = tuple(range(OFFSET.stop, len(NAMES)))
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """step (8,): from the predicted state to the one the image wants with its range free, covariance (8, 8) its errors,
+    both in the order and units of `joint.parameters.NAMES`; sigmas (8,): priors about zero that are part of both, inf
+    where free; held (8,). range_sigma: what the trajectory is believed to be wrong by, inf when unknown."""
+
+    product: str
+    camera: Camera
+    target: Target
+    predicted: Pose
+    psf_sigma_px: float
+    step: Array
+    covariance: Array
+    sigmas: Array
+    held: NDArray[np.bool_]
+    range_sigma: float
+
+    @cached_property
+    def turn_of_prediction(self) -> Array:
+        """Rotation vector (3,), degrees, from the rotation model's body to the predicted one; zero without a model."""
+        model = self.target.rotation
+        if model is None:
+            return np.zeros(3)
+        body = model.body_from_j2000(self.predicted.et - self.predicted.range_km / LIGHT_KM_S)
+        return np.asarray(vector_deg_from_rotation((self.predicted.body_from_j2000 @ body.T).T))
+
+    @cached_property
+    def information(self) -> tuple[Array, Array]:
+        """Matrix (6, 6) and vector (6,) of the picture's information on range, roll, attitude and blur, the priors
+        taken out: normal matrix N and right side N z. Attitude is relative to the target's rotation model."""
+        free = np.array([place for place in SHARED if not self.held[place]])
+        matrix, right = np.zeros((len(SHARED),) * 2), np.zeros(len(SHARED))
+        if not len(free):
+            return matrix, right
+        scale = np.sqrt(np.diag(self.covariance)[free])
+        inverse = np.linalg.inv(self.covariance[np.ix_(free, free)] / np.outer(scale, scale))
+        scaled_prior = np.diag((scale / self.sigmas[free]) ** 2)
+        values, vectors = np.linalg.eigh(inverse - scaled_prior)
+        # Where robust errors are larger than the prior allows, the picture says nothing.
+        told = values > 1e-9 * values.max()
+        kept = (vectors[:, told] * values[told]) @ vectors[:, told].T
+        vector = vectors[:, told] @ vectors[:, told].T @ inverse @ (self.step[free] / scale)
+        places = free - OFFSET.stop
+        matrix[np.ix_(places, places)] = kept / np.outer(scale, scale)
+        right[places] = vector / scale
+        moved = np.zeros(len(SHARED))
+        moved[ATTITUDE.start - OFFSET.stop : ATTITUDE.stop - OFFSET.stop] = self.turn_of_prediction
+        return matrix, right + matrix @ moved
+
+    def state_with(self, shared: Array, range_log: float) -> State:
+        """The state when the shared unknowns are `shared` (6,); the centre follows by its correlation with them.
+        range_log: of the factor of the pose, that part of `shared`[0] which is not the camera's focal length."""
+        step = self.step.copy()
+        wanted = shared.copy()
+        turn = slice(ATTITUDE.start - OFFSET.stop, ATTITUDE.stop - OFFSET.stop)
+        wanted[turn] -= self.turn_of_prediction
+        free = np.array([place for place in SHARED if not self.held[place]], int)
+        if len(free):
+            change = wanted[free - OFFSET.stop] - self.step[free]
+            scale = np.sqrt(np.diag(self.covariance)[free])
+            inner = self.covariance[np.ix_(free, free)] / np.outer(scale, scale)
+            step[OFFSET] += (
+                (self.covariance[OFFSET, free] / scale) @ np.linalg.pinv(inner, rcond=1e-12) @ (change / scale)
+            )
+            step[free] = wanted[free - OFFSET.stop]
+        if not self.held[RANGE]:
+            step[RANGE] = range_log
+        return State(self.predicted, self.psf_sigma_px).moved(step, self.camera)
+
+
+def measurement_of(
+    product: str, camera: Camera, target: Target, predicted: Pose, settings: Mapping[str, Any], provenance: Any
+) -> Measurement:
+    """The measurement in a cube's attributes. Raises RefusedError when the joint step was not done."""
+    joint = _last_joint(product, provenance)
+    evidence, source = joint["evidence"], provenance["initial_pose"]["source"]
+    priors = settings["joint"]["priors"][source]
+    sigmas = np.full(len(NAMES), np.inf)
+    for places, key in (([ROLL], "roll_deg"), (ATTITUDE, "attitude_deg"), ([PSF], "psf_relative")):
+        sigmas[places] = np.inf if priors[key] is None else priors[key]
+    held = np.zeros(len(NAMES), bool)
+    for name in evidence["held"]:
+        held[NAMES.index(name)] = True
+    prior = evidence["range_factor_prior_sigma"]
+    step = np.array(evidence["predicted_to_free"])
+    return Measurement(
+        product=product,
+        camera=camera,
+        target=target,
+        predicted=predicted,
+        psf_sigma_px=float(joint["changed"]["psf_sigma_px"] / np.exp(step[PSF])),
+        step=step,
+        covariance=free_covariance(evidence, joint["uncertainty"]["range_factor_free"]),
+        sigmas=sigmas,
+        held=held,
+        range_sigma=np.inf if prior is None else float(prior),
+    )
+
+
+def free_covariance(evidence: Mapping[str, Any], free_sigma: float | None) -> Array:
+    """Covariance (8, 8) with the range free. The evidence holds the one after the range was weighed against its prior
+    by one step of a Kalman filter; that step is undone."""
+    covariance, prior = np.array(evidence["covariance"]), evidence["range_factor_prior_sigma"]
+    if prior is None or not free_sigma:
+        return covariance
+    both = free_sigma**2 + prior**2
+    with_range = covariance[:, RANGE] * both / prior**2
+    return np.asarray(covariance + np.outer(with_range, with_range) / both)
+
+
+def _last_joint(product: str, provenance: Any) -> Any:
+    found = [result for name, result in provenance.get("corrections", {}).items() if name.startswith("joint")]
+    if not found or "predicted_to_free" not in found[-1]["evidence"]:
+        raise RefusedError(
+            "not-joint", f"{product} was not corrected by the joint step.", "Correct it with a profile that has it."
+        )
+    return found[-1]

@@ -1,0 +1,46 @@
+"""The adjustment as a table for people."""
+
+from typing import Any
+
+from tasks.adjust.solve import KINDS
+
+UNITS = {"range": "", "roll": " deg", "attitude": " deg", "psf": ""}
+
+
+def adjustment_table(report: dict[str, Any]) -> str:
+    """Text of several lines."""
+    lines = ["camera              images  focal scale          roll deg         blur px"]
+    lines += [
+        f"{row['camera']:<18} {row['images']:>7}  {row['focal_scale']:.5f} +- {row['focal_scale_sigma']:.5f}  "
+        f"{row['roll_deg']:+.3f} +- {row['roll_sigma_deg']:.3f}  "
+        f"{row['psf_sigma_px']:.3f} +- {row['psf_sigma_px_sigma']:.3f}"
+        for row in report["cameras"]
+    ]
+    lines += ["", "sequence  images  range factor         turn of the target, deg                 chi2 of measurements"]
+    for row in report["sequences"]:
+        turn = " ".join(
+            f"{v:+.3f}+-{s:.3f}" for v, s in zip(row["attitude_deg"], row["attitude_sigma_deg"], strict=True)
+        )
+        lines.append(
+            f"{row['sequence']:>8}  {len(row['images']):>6}  {row['range_factor']:.5f} +- "
+            f"{row['range_factor_sigma']:.5f}  {turn}  {row['chi_square']:.1f} of {row['measurements']}  "
+            f"{row['images'][0]} ({row['camera']})"
+        )
+    lines += ["", "image                sequence  weight  free range factor    adjusted factor      roll deg"]
+    lines += [
+        f"{row['product']:<20} {row['sequence']:>8}  {row['weight']:>6.2f}  {row['range_factor_free']:.5f} +- "
+        f"{row['range_factor_free_sigma']:.5f}  {row['range_factor']:.5f} +- {row['range_factor_sigma']:.5f}  "
+        f"{row['roll_deg']:+.3f} +- {row['roll_sigma_deg']:.3f}"
+        for row in report["images"]
+    ]
+    found = report["consistency"]
+    chance = "" if found["probability"] is None else f", probability {found['probability']:.2g}"
+    scatter = ", ".join(f"{kind} {report['scatter'][kind]:.2g}{UNITS[kind]}" for kind in KINDS)
+    lines += [
+        "",
+        f"Consistency: chi-square {found['chi_square']:.1f}, {found['degrees_of_freedom']} degrees of freedom{chance}.",
+        f"Scatter of single images beyond their errors: {scatter}.",
+        report["overestimated_distance"],
+    ]
+    lines += [f"{row['product']}: left out: {row['reason']}" for row in report.get("left_out", [])]
+    return "\n".join(lines)
