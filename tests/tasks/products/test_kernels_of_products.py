@@ -2,15 +2,21 @@
 
 import json
 
+import numpy as np
 import pytest
 from small_product import pose_of, small_publication
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
+from catalog.spice import kernel_pool
 from flows.cli import build_app
 from flows.kernels import kernels_of
 from tasks.kernels.exposure import read_exposure
+from tasks.kernels.round_trip import largest_difference_deg, spice_planes
+from tasks.kernels.write import write_kernel_set
+from tasks.project.planes import ANGLES
 from tasks.publish import publish
+from tasks.publish.cube import open_cube
 
 BAR_DEG = 1e-4
 
@@ -51,6 +57,21 @@ def test_what_is_told_of_a_set(store, tmp_path):
     assert told["products"] == ["C0001", "C0002"]
     assert max(told["round_trip_deg"]["alone"].values()) < BAR_DEG
     assert {note["what"] for note in told["left_out"]} == {"mission"}
+
+
+def test_plain_spice_says_what_the_cube_says(store, tmp_path):
+    exposure = read_exposure(store / "C0001")
+    with kernel_pool([]) as loaded:
+        kernel_set = write_kernel_set("one", [exposure], tmp_path, loaded)
+    with open_cube(store / "C0001" / "cube.zarr") as cube:
+        cube = cube.load()
+    rows, columns = np.nonzero(np.isfinite(cube["latitude"].values))
+    asked = {**kernel_set.names_of(exposure), "et": exposure.pose.et, "xy_px": np.stack([columns, rows], axis=-1)}
+    (theirs,) = spice_planes([kernel_set.meta_kernels["alone"]], [asked], "LT+S")
+    ours = {name: cube[name].values[rows, columns].astype(float) for name in ANGLES}
+    found = largest_difference_deg(ours, theirs)
+    print(f"{len(rows)} pixels of the cube's file, all of the disk: {found} deg, the bar is {BAR_DEG}")
+    assert max(found.values()) < BAR_DEG
 
 
 def test_no_product_or_one_twice_is_refused(store, tmp_path):
