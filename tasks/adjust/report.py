@@ -7,9 +7,10 @@ import numpy as np
 
 from catalog.pose import Pose
 from tasks.adjust.factors import mean_factors, survives
+from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import Measurement
 from tasks.adjust.settings import AdjustSettings
-from tasks.adjust.solve import AT_ATTITUDE, AT_RANGE, AT_ROLL, KINDS, Adjustment
+from tasks.adjust.solve import AT_ATTITUDE, AT_RANGE, AT_ROLL, Adjustment
 from tasks.joint.parameters import RANGE, ROLL
 from tasks.plain import plain
 

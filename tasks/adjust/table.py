@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from tasks.adjust.solve import KINDS
+from tasks.adjust.likelihood import KINDS
 
 UNITS = {"range": "", "roll": " deg", "attitude": " deg", "psf": ""}
 

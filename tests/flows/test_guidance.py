@@ -19,6 +19,7 @@ from catalog.errors import RefusedError
 from catalog.mask import masked, read_mask
 from catalog.observation import Observation, Quality
 from flows.cli import build_app
+from flows.cli.adjust import adjust
 from flows.correct import one_result
 from flows.profile import Profile, find_profile
 from flows.progress import Silent
@@ -206,3 +207,17 @@ def test_going_on_from_a_result_reproduces_it(correct: Correct, plain_result: di
         refused = correct(resume=path)
         assert refused["reason"].startswith(code), refused["reason"]
         assert str(path) in refused["reason"] or code == "resume-other-image"
+
+
+def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
+    correct: Correct, plain_result: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    adjust(tmp_path / "here/out", tmp_path / "adjusted", json=True)
+    report = json.loads(capfd.readouterr().out)
+    assert report == json.loads((tmp_path / "adjusted/adjust.json").read_text())
+    [image] = report["images"]
+    print(report["overestimated_distance"])
+    assert image["range_factor"] == pytest.approx(plain_result["range_factor"], abs=1e-3)
+    result = correct(resume=tmp_path / "adjusted", hold=("range", "attitude", "roll"))
+    assert result["range_factor"] == pytest.approx(image["range_factor"], rel=1e-9)
+    assert result["centre_px"] == pytest.approx(TRUE_CENTRE_PX, abs=0.1)
