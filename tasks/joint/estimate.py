@@ -24,7 +24,8 @@ Source = Literal["spice", "label", "file"]
 
 # How far away the second start lies: pixels of the centre, of the limb, degrees.
 SECOND_START = (1.2, -0.9, 0.8, 0.3)
-QUICK = {"oversample": 2, "max_iterations": 6}
+# Sub-pixels per side while the solution is still on its way; then so many that the disk is this many across.
+COARSE, FINE_ACROSS, FINEST = 2, 900.0, 8
 CONFLICT_SIGMAS = 5.0
 DISAGREEMENT_PX = 0.3
 
@@ -103,7 +104,9 @@ def estimated(
     """Solve with the range free, then weigh it against its prior (one step of a Kalman filter)."""
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    free = solve_joint(observation, start, metadata, scene, settings, free_range, progress)
+    near = solve_joint(observation, start, metadata, scene, coarse(settings), free_range, progress)
+    fine = settings.model_copy(update={"oversample": settings.oversample or fine_oversample(near.state, scene)})
+    free = solve_joint(observation, near.state, metadata, scene, fine, free_range, progress, warm=near)
     radius = disk_radius_px(free.state.pose, scene.camera, scene.target)
     shown = covariance(free.problem, free.fit)
     errors = shown + systematic(settings.systematic, radius)
@@ -121,6 +124,17 @@ def estimated(
     )
 
 
+def coarse(settings: JointSettings) -> JointSettings:
+    """The same at few sub-pixels."""
+    return settings.model_copy(update={"oversample": min(settings.oversample or COARSE, COARSE)})
+
+
+def fine_oversample(state: State, scene: Scene) -> int:
+    """Sub-pixels per side that keep the sampling of limb and markings from moving the solution (measured: 0.001 px)."""
+    across = 2 * disk_radius_px(state.pose, scene.camera, scene.target)
+    return int(np.clip(np.ceil(FINE_ACROSS / max(across, 1.0)), COARSE, FINEST))
+
+
 def second_start(
     observation: Observation,
     start: State,
@@ -129,8 +143,9 @@ def second_start(
     estimate: Estimate,
     scene: Scene,
     settings: JointSettings,
-) -> float:
-    """Pixels between the limbs of the solution and of a quick one that began elsewhere."""
+) -> float | None:
+    """Pixels between the limbs of the solution and of a quick one that began elsewhere; None when that did not come to
+    rest."""
     x_px, y_px, limb_px, turn_deg = SECOND_START
     radius = disk_radius_px(start.pose, scene.camera, scene.target)
     step = np.zeros(len(NAMES))
@@ -138,8 +153,9 @@ def second_start(
     step[estimate.free.held] = 0
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    quick = settings.model_copy(update=QUICK)
-    other = solve_joint(observation, start.moved(step, scene.camera), metadata, scene, quick, free_range)
+    other = solve_joint(observation, start.moved(step, scene.camera), metadata, scene, coarse(settings), free_range)
+    if not other.converged:
+        return None
     apart = difference(other.state, estimate.free.state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
 

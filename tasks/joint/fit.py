@@ -12,12 +12,13 @@ from tasks.joint.tiles import LOCAL, Tiles
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 ROUNDS = 2
+SEEN = 4.0
 
 
 @dataclass(frozen=True)
 class Problem:
     """image = columns . values + tiles' columns . tiles' values. columns: (n, ny, nx); local: (LOCAL, ny, nx), the
-    tiles' columns; prior (n,): inverse variances about expected (n,); local_prior (LOCAL,): about zero."""
+    tiles' columns; prior (n,): inverse variances about expected (n,); local_prior (tiles, LOCAL): about zero."""
 
     image: Image
     columns: Image
@@ -32,9 +33,11 @@ class Problem:
 @dataclass(frozen=True)
 class Fit:
     """values (n,): weights of the columns. normal (n, n): its inverse is their covariance, priors included, tiles
-    eliminated. information (n, n): the image's part of it. gain: (ny, nx) the tiles' factor less one. model, residual
+    eliminated. information (n, n): the image's part of it. gain (ny, nx): the tiles' factor less one. residual
     (ny, nx): image minus model. weight (ny, nx): inverse variance after down-weighting of outliers. cost: Huber's
-    function of the residuals and squares of all priors'."""
+    function of the residuals and squares of all priors'. spread: (tiles, LOCAL) expected squares of the tiles'
+    unknowns; seen: (tiles,) whether the image says more of them than the prior.
+    """
 
     values: Array
     information: Array
@@ -43,6 +46,8 @@ class Fit:
     residual: Image
     weight: Image
     cost: float
+    spread: Array
+    seen: NDArray[np.bool_]
 
     @property
     def covariance(self) -> Array:
@@ -63,7 +68,7 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
     now = base if start is None else _robust(base, start.ravel(), problem.huber)
     for _ in range(ROUNDS):
         normal, right, cross, inner, inner_right = _accumulate(design, target, now, label, problem.tiles.count)
-        inner += np.diag(problem.local_prior)
+        inner += problem.local_prior[:, :, None] * np.eye(LOCAL)
         # Every tile's unknowns expressed by the others: Schur's complement.
         by_others = np.linalg.solve(inner, cross)
         by_data = np.linalg.solve(inner, inner_right[..., None])[..., 0]
@@ -77,8 +82,10 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
         now = _robust(base, residual, problem.huber)
     cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
+    spread = own**2 + np.diagonal(np.linalg.inv(inner), axis1=1, axis2=2)
+    seen = np.diagonal(inner, axis1=1, axis2=2)[:, 0] > SEEN * problem.local_prior[:, 0]
     gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost)
+    return Fit(values, information, whole, *gains, cost, spread, seen)
 
 
 def scaled_inverse(matrix: Array) -> Array:

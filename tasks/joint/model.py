@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State
 from tasks.joint.settings import JointSettings
 from tasks.joint.surface import FineSurface, fine_surface
-from tasks.joint.tiles import Tiles, tiles_of
+from tasks.joint.tiles import Layout, Tiles, tiles_of
 from tasks.simulate import Scene
 from tasks.simulate.photometry import Law, laws
 from tasks.simulate.scene import detect
@@ -44,6 +44,7 @@ class Model:
     mu0: Image
     centre_px: NDArray[np.float64]
     tiles: Tiles
+    layout: Layout
 
     def brightness(self, weights: NDArray) -> Image:
         """The disk without gains and background, by the bases' weights (k,)."""
@@ -95,7 +96,7 @@ def _weighted(images: list[Image], weights: NDArray) -> Image:
     return total
 
 
-def linear_model(scene: Scene, state: State, window: Window, settings: JointSettings) -> Model:
+def linear_model(scene: Scene, state: State, window: Window, layout: Layout, settings: JointSettings) -> Model:
     """Find the surface at `state` and prepare everything that the linear fit and the derivatives need."""
     s = settings.oversample or scene.oversample_for(state.pose)
     surface = fine_surface(scene, state.pose, window, s)
@@ -121,7 +122,8 @@ def linear_model(scene: Scene, state: State, window: Window, settings: JointSett
         coverage=detect(surface.cover, s, state.psf_sigma_px),
         mu0=detect(surface.mu0 * surface.cover, s, 0.0),
         centre_px=centre,
-        tiles=tiles_of(window.shape, centre, radius, settings.tiles),
+        tiles=tiles_of(window.shape, centre, radius, layout),
+        layout=layout,
     )
 
 

@@ -57,7 +57,7 @@ class TileSettings(BaseModel):
 class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
     markings; they set the map's contrast. tiles: local errors of map and laws. background: sky level, or a plane.
-    hold: unknowns that stay as they are. edge_px: places in the image are known no better than this.
+    hold: unknowns that stay as they are. edge_px: error of places in the image, at first and at most.
     terminator: cosine of incidence below which the photometric laws are not trusted. second_start: solve again from
     elsewhere, and doubt the result when it ends elsewhere."""
 
@@ -72,7 +72,7 @@ class JointSettings(BaseModel):
     priors: SourcePriors = SourcePriors()
     systematic: SystematicSettings = SystematicSettings()
     second_start: bool = True
-    edge_px: float = Field(0.05, ge=0)
+    edge_px: float = Field(0.1, ge=0)
     terminator: float = Field(0.1, ge=0, lt=1)
     huber: float = Field(2.5, gt=0)
     max_iterations: int = Field(10, ge=1, le=100)

@@ -9,12 +9,15 @@ from numpy.typing import NDArray
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from tasks.compare.match import framed_window
+from tasks.joint.data import Data
 from tasks.joint.fit import Fit, Problem, solve
 from tasks.joint.model import Model, linear_model
 from tasks.joint.parameters import ATTITUDE, GROUPS, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
+from tasks.joint.tiles import LOCAL, layout_for
+from tasks.joint.trust import Trust
 from tasks.simulate import Scene
-from tasks.simulate.window import Window, disk_radius_px
+from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -22,7 +25,6 @@ Progress = Callable[[str, int, str], None]
 
 # Beyond these the linearisation is not trusted: px of the limb, degrees, logarithm of the PSF.
 LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4}
-RELATIVE_ERROR = 0.02
 # In the order of the unknowns: steps that need not be taken, and that may be left when none lowers the cost.
 STILL = np.array([2e-3, 2e-3, 1e-5, 2e-3, 2e-3, 2e-3, 2e-3, 5e-3])
 LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
@@ -41,6 +43,7 @@ class Solution:
     held: NDArray[np.bool_]
     history: list[Array]
     converged: bool
+    trust: Trust
 
 
 def solve_joint(
@@ -51,10 +54,12 @@ def solve_joint(
     settings: JointSettings,
     sigmas: Array,
     progress: Progress | None = None,
+    warm: Solution | None = None,
 ) -> Solution:
     """Gauss-Newton from `start`, the geometry rendered anew at each step.
 
-    metadata: where the priors are centred. sigmas: (8,) their 1-sigma, inf where free.
+    metadata: where the priors are centred. sigmas: (8,) their 1-sigma, inf where free. warm: an earlier solution, of
+    other sampling for instance, whose tiles and trust are taken over.
     Raises FailedError when too few pixels are usable or the disk leaves the frame.
     """
     camera = scene.camera
@@ -62,19 +67,21 @@ def solve_joint(
     for group in settings.hold:
         held[list(GROUPS[group])] = True
     window = framed_window(scene, start.pose)
-    data = _Data(observation, window)
-    model = linear_model(scene, start, window, settings)
+    data = Data(observation, window)
+    radius = disk_radius_px(start.pose, camera, scene.target)
+    layout = warm.model.layout if warm else layout_for(radius, settings.tiles)
+    model = linear_model(scene, start, window, layout, settings)
     weights = first_weights(model, data, settings)
     linear: Fit | None = None
     history: list[Array] = []
-    floor = RELATIVE_ERROR
+    trust = warm.trust if warm else Trust.at_first(model, settings)
     while True:
-        weight, floor = pixel_weights(model, data, weights, linear, floor, settings)
+        weight = trust.weight(model, data, weights, settings)
         gain = np.zeros_like(data.image) if linear is None else linear.gain
         moving = model.derivatives(weights, gain)
         moving[held] = 0
         done = difference(model.state, metadata, camera)
-        problem = _problem(model, data, weights, settings)
+        problem = linear_problem(model, data, weights, trust.tiles, settings)
         problem = replace(
             problem,
             columns=np.concatenate([problem.columns, moving]),
@@ -89,7 +96,7 @@ def solve_joint(
         converged = bool((np.abs(step) < np.maximum(0.1 * error, STILL)).all())
         if converged or len(history) == settings.max_iterations:
             break
-        line = Line(data, weight, metadata, sigmas, held, scene, settings)
+        line = Line(data, weight, trust.tiles, metadata, sigmas, held, scene, settings)
         found = line.lower(model, step, fit)
         if found is None:
             # A minimum, as far as the sampling of the simulation can tell.
@@ -98,14 +105,13 @@ def solve_joint(
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
         history.append(taken)
-    return Solution(model.state, fit, problem, model, held, history, converged)
+        trust = trust.learned(model, data, weights, linear, settings)
+    return Solution(model.state, fit, problem, model, held, history, converged, trust)
 
 
-def _problem(model: Model, data: "_Data", weights: Array, settings: JointSettings) -> Problem:
+def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array, settings: JointSettings) -> Problem:
     """The problem of the linear unknowns alone."""
     columns = model.columns()
-    tiles = settings.tiles
-    local_prior = 1 / np.maximum([tiles.gain, tiles.slope, tiles.slope], 1e-9) ** 2
     nothing = np.zeros(len(columns))
     return Problem(
         data.image, columns, model.local(weights), model.tiles, nothing, nothing, local_prior, settings.huber
@@ -116,8 +122,9 @@ def _problem(model: Model, data: "_Data", weights: Array, settings: JointSetting
 class Line:
     """Looks along a step for a lower cost, everything but the state kept."""
 
-    data: "_Data"
+    data: Data
     weight: Image
+    local_prior: Array
     metadata: State
     sigmas: Array
     held: NDArray[np.bool_]
@@ -130,7 +137,7 @@ class Line:
         before, _ = self.cost(model, weights, fit)
         for share in SHARES:
             state = model.state.moved(share * step, self.scene.camera)
-            moved = linear_model(self.scene, state, model.window, self.settings)
+            moved = linear_model(self.scene, state, model.window, model.layout, self.settings)
             after, linear = self.cost(moved, weights, fit)
             if after < before:
                 return moved, linear, share * step
@@ -138,7 +145,9 @@ class Line:
 
     def cost(self, model: Model, weights: Array, fit: Fit) -> tuple[float, Fit]:
         """Cost of the state of `model` with the best linear unknowns, and their fit."""
-        linear = solve(_problem(model, self.data, weights, self.settings), self.weight, fit.residual)
+        linear = solve(
+            linear_problem(model, self.data, weights, self.local_prior, self.settings), self.weight, fit.residual
+        )
         away = difference(model.state, self.metadata, self.scene.camera)
         away[self.held] = 0
         return linear.cost + float(np.sum((away / self.sigmas) ** 2)), linear
@@ -152,54 +161,15 @@ def told(step: Array) -> str:
     )
 
 
-@dataclass(frozen=True)
-class _Data:
-    observation: Observation
-    window: Window
-
-    @property
-    def image(self) -> Image:
-        return np.where(self.usable, self.window.crop(self.observation.image), 0).astype(np.float32)
-
-    @property
-    def usable(self) -> NDArray[np.bool_]:
-        return self.window.crop(self.observation.usable, fill=False)
-
-    @property
-    def variance(self) -> Image:
-        return self.window.crop(self.observation.noise, fill=1) ** 2
-
-
-def first_weights(model: Model, data: _Data, settings: JointSettings) -> Array:
+def first_weights(model: Model, data: Data, settings: JointSettings) -> Array:
     """Weights of the bases before anything is known of the noise. Raises FailedError when too little is usable."""
     bright = np.percentile(data.image[data.usable], 95) if data.usable.any() else 1.0
     weight = np.where(data.usable, 1 / np.maximum(data.variance + (0.05 * bright) ** 2, 1e-12), 0).astype(np.float32)
     if np.count_nonzero(weight) <= 2 * len(model.bases):
         raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
     even = np.full(len(model.bases), bright / len(model.bases))
-    problem = replace(_problem(model, data, even, settings), local_prior=np.full(3, 1e18))
+    problem = linear_problem(model, data, even, np.full((model.tiles.count, LOCAL), 1e18), settings)
     return solve(problem, weight).values[: len(model.bases)]
-
-
-def pixel_weights(
-    model: Model, data: _Data, weights: Array, fit: Fit | None, floor: float, settings: JointSettings
-) -> tuple[Image, float]:
-    """Inverse variance (ny, nx) of image minus model: noise, a relative error of the model (measured on the residuals
-    of the last fit), places known to `edge_px`, and no trust near the terminator."""
-    bright = model.brightness(weights)
-    inside = (model.coverage > 0.99) & data.usable & (model.mu0 > 2 * settings.terminator)
-    if fit is not None and inside.sum() > 50:
-        relative = fit.residual[inside] / np.maximum(bright[inside], 1e-6)
-        noise = np.median(np.sqrt(data.variance[inside]) / np.maximum(bright[inside], 1e-6))
-        spread = 1.4826 * float(np.median(np.abs(relative)))
-        floor = float(np.clip(np.sqrt(max(spread**2 - noise**2, 0)), 0.002, 0.2))
-    gradient_y, gradient_x = np.gradient(bright)
-    variance = data.variance + (floor * bright) ** 2 + settings.edge_px**2 * (gradient_x**2 + gradient_y**2)
-    if settings.terminator:
-        typical = np.percentile(bright[inside], 50) if inside.any() else 1.0
-        doubt = 0.3 * np.exp(-model.mu0 / settings.terminator) * (model.coverage > 0.5)
-        variance = variance + (doubt * np.minimum(bright + 0.05 * typical, typical)) ** 2
-    return np.where(data.usable, 1 / np.maximum(variance, 1e-12), 0).astype(np.float32), floor
 
 
 def limited(step: Array, scene: Scene, state: State) -> Array:

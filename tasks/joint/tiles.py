@@ -13,37 +13,80 @@ from numpy.typing import NDArray
 from tasks.joint.settings import TileSettings
 
 LOCAL = 3
+# Fewer tiles say nothing of the others; no map is better than this.
+FEWEST, SMALLEST = 8, 1e-3
+# Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
+HEAVY_TAIL = 3.0
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles; along, across: (ny, nx) place within
+    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of
+    them along the limb; along, across: (ny, nx) place within
     the tile, about -1 to 1."""
 
     label: NDArray[np.int32]
     count: int
+    sectors: int
     along: NDArray[np.float32]
     across: NDArray[np.float32]
 
 
-def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, settings: TileSettings) -> Tiles:
-    """Squares inside the disk, sectors of a ring of `limb_px` on either side of the limb (`limb_share` of the radius
-    where that is more)."""
+@dataclass(frozen=True)
+class Layout:
+    """How a disk of about one radius is cut: the tiles' side, the ring's inner and outer half-width, pixels, and how
+    many sectors and squares (per side). Kept while the disk moves and grows, so that tiles stay comparable."""
+
+    side_px: float
+    inner_px: float
+    outer_px: float
+    sectors: int
+    squares: int
+
+
+def layout_for(radius_px: float, settings: TileSettings) -> Layout:
+    """Squares inside the disk, sectors of a ring along the limb (see `TileSettings`)."""
     side = max(settings.side_px, settings.side_share * radius_px)
-    inner = radius_px - max(settings.limb_px, settings.limb_share * radius_px)
-    outer = radius_px + settings.limb_px
+    inner = max(settings.limb_px, settings.limb_share * radius_px)
+    sectors = max(round(2 * np.pi * radius_px / side), 8)
+    return Layout(side, inner, settings.limb_px, sectors, int(np.ceil(2 * radius_px / side)) + 1)
+
+
+def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, layout: Layout) -> Tiles:
+    """The tiles (ny, nx) of a disk."""
+    side, sectors, squares = layout.side_px, layout.sectors, layout.squares
+    inner, outer = radius_px - layout.inner_px, radius_px + layout.outer_px
     y, x = np.indices(shape, dtype=np.float32)
     x -= np.float32(centre_px[0])
     y -= np.float32(centre_px[1])
     r = np.hypot(x, y)
     turn = np.arctan2(y, x) / (2 * np.pi) + 0.5
-    sectors = max(round(2 * np.pi * radius_px / side), 8)
     sector = np.minimum((turn * sectors).astype(np.int32), sectors - 1)
-    squares = int(np.ceil(2 * radius_px / side))
     column, row = (np.clip(np.floor((v + radius_px) / side), 0, squares - 1).astype(np.int32) for v in (x, y))
     ring = (r >= inner) & (r < outer)
     label = np.where(ring, sector, np.where(r < inner, sectors + row * squares + column, -1)).astype(np.int32)
     along = np.where(ring, 2 * (turn * sectors - sector) - 1, 2 * ((x + radius_px) / side - column) - 1)
-    middle, half = (inner + radius_px) / 2, max((radius_px - inner) / 2, 1.0)
+    middle, half = (inner + radius_px) / 2, max(layout.inner_px / 2, 1.0)
     across = np.where(ring, np.clip((r - middle) / half, -1.5, 1.5), 2 * ((y + radius_px) / side - row) - 1)
-    return Tiles(label, sectors + squares**2, along.astype(np.float32), across.astype(np.float32))
+    return Tiles(label, sectors + squares**2, sectors, along.astype(np.float32), across.astype(np.float32))
+
+
+def learned_prior(
+    spread: NDArray, seen: NDArray[np.bool_], sectors: int, settings: TileSettings
+) -> NDArray[np.float64]:
+    """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them, along the limb and inside
+    the disk apart (empirical Bayes, one step of expectation and maximisation); at most those of the settings."""
+    largest = np.array([settings.gain, settings.slope, settings.slope])
+    limb = np.arange(len(seen)) < sectors
+    prior = np.empty((len(seen), LOCAL))
+    for part in (limb, ~limb):
+        known = spread[part & seen]
+        sigma = HEAVY_TAIL * np.sqrt(known.mean(axis=0)) if len(known) >= FEWEST else largest
+        prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
+    return prior
+
+
+def first_prior(count: int, settings: TileSettings) -> NDArray[np.float64]:
+    """Inverse variances (tiles, LOCAL) before anything is known."""
+    sigma = np.maximum([settings.gain, settings.slope, settings.slope], 1e-9)
+    return np.tile(1 / sigma**2, (count, 1))

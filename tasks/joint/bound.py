@@ -1,0 +1,46 @@
+"""The least error that any unbiased estimator can have (Cramer-Rao), for comparison."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.observation import Observation
+from tasks.compare.match import framed_window
+from tasks.joint.data import Data
+from tasks.joint.fit import solve
+from tasks.joint.model import linear_model
+from tasks.joint.parameters import GROUPS, NAMES, State
+from tasks.joint.settings import JointSettings
+from tasks.joint.solve import first_weights, linear_problem
+from tasks.joint.tiles import LOCAL, layout_for
+from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
+
+
+def cramer_rao(
+    observation: Observation, truth: State, scene: Scene, settings: JointSettings, sigmas: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """1-sigma (8,) of the unknowns at the true state, noise alone, brightness unknown, the map exact; with the priors
+    of 1-sigma `sigmas` (8,). Held unknowns have none."""
+    held = np.zeros(len(NAMES), bool)
+    for group in settings.hold:
+        held[list(GROUPS[group])] = True
+    data = Data(observation, framed_window(scene, truth.pose))
+    layout = layout_for(disk_radius_px(truth.pose, scene.camera, scene.target), settings.tiles)
+    model = linear_model(scene, truth, data.window, layout, settings)
+    weights = first_weights(model, data, settings)
+    moving = model.derivatives(weights, np.zeros_like(data.image))
+    moving[held] = 0
+    exact = np.full((model.tiles.count, LOCAL), 1e18)
+    problem = linear_problem(model, data, weights, exact, settings)
+    problem = replace(
+        problem,
+        columns=np.concatenate([problem.columns, moving]),
+        prior=np.concatenate([problem.prior, np.where(held, 1e30, 1 / sigmas**2)]),
+        expected=np.zeros(len(problem.columns) + len(NAMES)),
+        huber=np.inf,
+    )
+    weight = np.where(data.usable, 1 / np.maximum(data.variance, 1e-12), 0).astype(np.float32)
+    error = np.sqrt(np.diag(solve(problem, weight).covariance)[-len(NAMES) :])
+    return np.where(held, 0.0, error)

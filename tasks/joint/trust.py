@@ -1,0 +1,81 @@
+"""How far a model is trusted, learned from the residuals that it leaves: the weights of pixels and of tiles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.joint.data import Data
+from tasks.joint.fit import Fit
+from tasks.joint.model import Model
+from tasks.joint.settings import JointSettings
+from tasks.joint.tiles import first_prior, learned_prior
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+RELATIVE_ERROR = 0.02
+LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
+LEAST_EDGE_PX = 0.003
+FEWEST_PIXELS = 50
+# Share of the pixels near the limb, those with the steepest brightness, that tell how well places are known.
+STEEP_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Trust:
+    """relative: error of the model's brightness, 1-sigma. edge_px: error of places in the image. tiles: (tiles, 3)
+    inverse variances of the tiles' unknowns."""
+
+    relative: float
+    edge_px: float
+    tiles: Array
+
+    @classmethod
+    def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
+        """Before anything is known."""
+        return cls(RELATIVE_ERROR, settings.edge_px, first_prior(model.tiles.count, settings.tiles))
+
+    def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
+        """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
+        bright = model.brightness(weights)
+        noise = np.sqrt(data.variance)
+        inside = (model.coverage > 0.99) & data.usable & (model.mu0 > 2 * settings.terminator)
+        relative = self.relative
+        if inside.sum() > FEWEST_PIXELS:
+            size = np.maximum(bright[inside], 1e-6)
+            relative = _surplus(fit.residual[inside] / size, noise[inside] / size)
+        relative = float(np.clip(relative, LEAST_RELATIVE, MOST_RELATIVE))
+        steep = _steepness(bright)
+        limb = (model.tiles.label >= 0) & (model.tiles.label < model.tiles.sectors) & data.usable
+        edge = self.edge_px
+        if limb.sum() > FEWEST_PIXELS:
+            limb &= steep > np.quantile(steep[limb], 1 - STEEP_SHARE)
+            known = np.hypot(noise[limb], relative * bright[limb]) / np.maximum(steep[limb], 1e-9)
+            edge = _surplus(fit.residual[limb] / np.maximum(steep[limb], 1e-9), known)
+        edge = float(np.clip(edge, min(LEAST_EDGE_PX, settings.edge_px), settings.edge_px))
+        return Trust(relative, edge, learned_prior(fit.spread, fit.seen, model.tiles.sectors, settings.tiles))
+
+    def weight(self, model: Model, data: Data, weights: Array, settings: JointSettings) -> Image:
+        """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
+        trust near the terminator."""
+        bright = model.brightness(weights)
+        variance = data.variance + (self.relative * bright) ** 2 + (self.edge_px * _steepness(bright)) ** 2
+        if settings.terminator:
+            inside = (model.coverage > 0.99) & data.usable
+            typical = np.percentile(bright[inside], 50) if inside.any() else 1.0
+            doubt = 0.3 * np.exp(-model.mu0 / settings.terminator) * (model.coverage > 0.5)
+            variance = variance + (doubt * np.minimum(bright + 0.05 * typical, typical)) ** 2
+        return np.where(data.usable, 1 / np.maximum(variance, 1e-12), 0).astype(np.float32)
+
+
+def _steepness(bright: Image) -> Image:
+    """Size (ny, nx) of the brightness gradient, per pixel."""
+    gradient_y, gradient_x = np.gradient(bright)
+    return np.hypot(gradient_x, gradient_y)
+
+
+def _surplus(residual: NDArray, known: NDArray) -> float:
+    """Robust spread of residuals beyond what is known, both of one unit."""
+    spread = 1.4826 * float(np.median(np.abs(residual)))
+    return float(np.sqrt(max(spread**2 - float(np.median(known)) ** 2, 0.0)))
