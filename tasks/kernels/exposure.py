@@ -81,6 +81,7 @@ def read_exposure(folder: Path) -> Exposure:
         nested = {key: json.loads(attributes[key]) for key in ("provenance", "settings", "pose_after")}
         camera = camera_from_dict(json.loads(attributes["camera_model"]), f"of the cube in {folder}")
         target = Target.model_validate(json.loads(attributes["target_model"]))
+        target = target.model_copy(update={"shape": None})  # kernels hold radii; a shape model is a DSK of its own
         pose = Pose.from_dict(nested["pose_after"])
     except (OSError, KeyError, ValueError) as error:
         raise RefusedError(
