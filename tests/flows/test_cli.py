@@ -27,10 +27,9 @@ ARGUMENTS = [
     "small.png", "--camera", "small.toml", "--target", "europa", "--pose", "pose.json", "--profile", "quick.toml",
 ]  # fmt: skip
 KEYS = [
-    "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "centre_px", "offset_px",
-    "range_factor", "attitude_deg", "roll_deg", "uncertainty", "settled", "limb_rms_px", "limb_points", "similarity",
-    "pose", "cube",
-    "overlay", "seconds", "cached",
+    "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "guidance", "centre_px",
+    "offset_px", "range_factor", "attitude_deg", "roll_deg", "range_factor_free", "psf_sigma_px", "uncertainty",
+    "settled", "limb_rms_px", "limb_points", "similarity", "pose", "cube", "overlay", "seconds", "cached",
 ]  # fmt: skip
 
 
@@ -90,7 +89,8 @@ def test_correct_prints_one_json_object_and_nothing_else_on_stdout(
     assert result["range_factor"] == pytest.approx(1, abs=5e-4)
     assert result["limb_rms_px"] < 0.2
     assert result["similarity"]["after"] > result["similarity"]["before"]
-    assert set(result["uncertainty"]) == {"centre_px", "offset_px", "range_factor", "attitude_deg"}
+    assert set(result["uncertainty"]) == set(EMPTY["uncertainty"])
+    assert result["guidance"] == EMPTY["guidance"]
     assert Pose.from_dict(result["pose"]).range_km == pytest.approx(780_000, rel=5e-4)
     assert result["cached"] == []
     assert list(result["seconds"]) == [
