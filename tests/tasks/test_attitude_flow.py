@@ -118,7 +118,7 @@ def by_box_filters(image: NDArray, simulation: NDArray, usable: NDArray, templat
     return Flow(whole, scores.max(axis=(0, 1)).astype(np.float32), places, places & inside)
 
 
-@pytest.mark.parametrize("boxes", [(13, 21), (5, 7), (9, 21)])
+@pytest.mark.parametrize("boxes", [(13, 21), (5, 11), (9, 21)])
 def test_the_compiled_loop_finds_what_box_filters_find_also_beside_unusable_places(boxes: tuple[int, int]) -> None:
     simulation = texture()
     image = moved(simulation, (1.3, -0.6)) + 0.1 * texture(1.0)[::-1]
