@@ -134,6 +134,13 @@ def test_windows_never_overlap_and_keep_their_middle(spans):
     assert all(a[0][1] <= b[0][0] + 1e-9 for a, b in pairwise(kept))
 
 
+def test_no_gap_opens_between_windows_that_overlap():
+    first, second = windows([0.0, 15.0], [2.0, 2.0], [10.0, 14.0], [0.01, 0.01])
+    assert (first, second) == ((-2.0, 10.0), (13.0, 29.0))
+    first, second = windows([0.0, 9.0], [2.0, 2.0], [10.0, 10.0], [0.01, 0.01])
+    assert (first, second) == ((-2.0, 7.0), (7.0, 19.0))
+
+
 @given(st.tuples(*[st.floats(-40, 40)] * 3))
 def test_aberration_is_undone_as_spice_does_it(velocity):
     apparent = spiceypy.stelab([3e5, -4e5, 1e5], list(velocity))
