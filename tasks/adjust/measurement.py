@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
-from catalog.rotation import vector_deg_from_rotation
+from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.target import Target
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State
 
@@ -38,19 +38,26 @@ class Measurement:
     held: NDArray[np.bool_]
     range_sigma: float
 
-    @cached_property
-    def turn_of_prediction(self) -> Array:
-        """Rotation vector (3,), degrees, from the rotation model's body to the predicted one; zero without a model."""
+    @property
+    def reference(self) -> Array:
+        """Rotation (3, 3) from J2000 to the body that turns are relative to: the rotation model's when the light left;
+        without a model, the predicted one."""
         model = self.target.rotation
         if model is None:
-            return np.zeros(3)
-        body = model.body_from_j2000(self.predicted.et - self.predicted.range_km / LIGHT_KM_S)
-        return np.asarray(vector_deg_from_rotation((self.predicted.body_from_j2000 @ body.T).T))
+            return self.predicted.body_from_j2000
+        return np.asarray(model.body_from_j2000(self.predicted.et - self.predicted.range_km / LIGHT_KM_S))
+
+    @cached_property
+    def turn_offset_deg(self) -> Array:
+        """What is added to the attitude of `step` to have it relative to the reference (3,)."""
+        wanted = rotation_from_vector_deg(self.step[ATTITUDE]).T @ self.predicted.body_from_j2000
+        turn = vector_deg_from_rotation((wanted @ self.reference.T).T)
+        return np.asarray(turn - self.step[ATTITUDE])
 
     @cached_property
     def information(self) -> tuple[Array, Array]:
         """Matrix (6, 6) and vector (6,) of the picture's information on range, roll, attitude and blur, the priors
-        taken out: normal matrix N and right side N z. Attitude is relative to the target's rotation model."""
+        taken out: normal matrix N and right side N z. Attitude is relative to the reference."""
         free = np.array([place for place in SHARED if not self.held[place]])
         matrix, right = np.zeros((len(SHARED),) * 2), np.zeros(len(SHARED))
         if not len(free):
@@ -67,7 +74,7 @@ class Measurement:
         matrix[np.ix_(places, places)] = kept / np.outer(scale, scale)
         right[places] = vector / scale
         moved = np.zeros(len(SHARED))
-        moved[ATTITUDE.start - OFFSET.stop : ATTITUDE.stop - OFFSET.stop] = self.turn_of_prediction
+        moved[ATTITUDE.start - OFFSET.stop : ATTITUDE.stop - OFFSET.stop] = self.turn_offset_deg
         return matrix, right + matrix @ moved
 
     def state_with(self, shared: Array, range_log: float) -> State:
@@ -76,7 +83,8 @@ class Measurement:
         step = self.step.copy()
         wanted = shared.copy()
         turn = slice(ATTITUDE.start - OFFSET.stop, ATTITUDE.stop - OFFSET.stop)
-        wanted[turn] -= self.turn_of_prediction
+        body = rotation_from_vector_deg(shared[turn]).T @ self.reference
+        wanted[turn] = vector_deg_from_rotation((body @ self.predicted.body_from_j2000.T).T)
         free = np.array([place for place in SHARED if not self.held[place]], int)
         if len(free):
             change = wanted[free - OFFSET.stop] - self.step[free]

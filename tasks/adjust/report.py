@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
 from tasks.adjust.factors import mean_factors, survives
 from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import Measurement
@@ -132,9 +134,14 @@ def image_rows(images: Sequence[Measurement], adjustment: Adjustment) -> list[di
                 "apparent_range_factor_sigma": float(sigma[AT_RANGE]),
                 "roll_deg": float(adjustment.shared[i][AT_ROLL]),
                 "roll_sigma_deg": float(sigma[AT_ROLL]),
-                "attitude_deg": plain(adjustment.shared[i][AT_ATTITUDE] - image.turn_of_prediction),
+                "attitude_deg": plain(turn_between(image.predicted, poses[i])),
                 "attitude_sigma_deg": plain(sigma[AT_ATTITUDE]),
                 "pose": poses[i].to_dict(),
             }
         )
     return rows
+
+
+def turn_between(before: Pose, after: Pose) -> NDArray[np.float64]:
+    """Rotation vector (3,), degrees, of the body's turn, in its own frame."""
+    return np.asarray(vector_deg_from_rotation((after.body_from_j2000 @ before.body_from_j2000.T).T))

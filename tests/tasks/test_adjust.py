@@ -76,7 +76,7 @@ def planted(
 def test_shared_attitudes_are_better_than_single_ones_by_the_root_of_their_number() -> None:
     images, turns = planted(np.random.default_rng(1), 6, 9, focal=1.001)
     found = adjust(images, SETTINGS)
-    single = np.array([image.step[ATTITUDE] + image.turn_of_prediction for image in images]) - turns
+    single = np.array([image.step[ATTITUDE] + image.turn_offset_deg for image in images]) - turns
     shared = found.shared[:, AT_ATTITUDE] - turns
     gain = np.sqrt(np.mean(single**2) / np.mean(shared**2))
     sigmas = np.sqrt(np.diagonal(found.shared_covariance, axis1=1, axis2=2))[:, AT_ATTITUDE]
@@ -149,9 +149,9 @@ def test_poses_follow_what_is_shared_and_the_table_names_everything() -> None:
     for image, pose, shared in zip(images, adjusted_poses(images, found), found.shared, strict=True):
         step = difference(State(pose, 0.8), State(image.predicted, 0.8), image.camera)
         assert step[ROLL] == pytest.approx(shared[1], abs=2e-3)
-        assert step[ATTITUDE] == pytest.approx(shared[AT_ATTITUDE] - image.turn_of_prediction, abs=5e-3)
+        assert step[ATTITUDE] == pytest.approx(shared[AT_ATTITUDE] - image.turn_offset_deg, abs=5e-3)
         assert step[:2] == pytest.approx(image.step[:2], abs=0.3)
-        own = np.array([*image.step[2:4], *(image.step[ATTITUDE] + image.turn_of_prediction), image.step[7]])
+        own = np.array([*image.step[2:4], *(image.step[ATTITUDE] + image.turn_offset_deg), image.step[7]])
         same = difference(image.state_with(own, image.step[RANGE]), State(image.predicted, 0.8), image.camera)
         assert same == pytest.approx(image.step, abs=1e-6)
     table = adjustment_table(report_of(images, found, SETTINGS))
