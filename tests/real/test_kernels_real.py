@@ -96,8 +96,13 @@ def test_a_merged_set_serves_every_image_of_a_mission(data_folder, tmp_path):
     mission_kernels = [kernel.path for kernel in list_kernels([data_folder / "kernels"])]
     assert len(exposures) == 18
     assert kernel_set.left_out == []
-    for kind in ("alone", "mission"):
-        found = round_trip(kernel_set, exposures, kind, mission_kernels, pixels=40, corrections="LT+S")
+    # LT is one iteration: at ten light seconds it leaves 5 m, which is 2.4e-4 deg at the very limb.
+    for kind, corrections, bar_deg in (
+        ("alone", "CN+S", BAR_DEG),
+        ("mission", "CN+S", BAR_DEG),
+        ("mission", "LT+S", 4e-4),
+    ):
+        found = round_trip(kernel_set, exposures, kind, mission_kernels, pixels=40, corrections=corrections)
         largest = max(max(by_plane.values()) for by_plane in found)
-        print(f"18 images, {kind}: plain SPICE differs by at most {largest:.1e} deg, the bar is {BAR_DEG}")
-        assert largest < BAR_DEG
+        print(f"18 images, {kind}, {corrections}: plain SPICE differs by {largest:.1e} deg, the bar is {bar_deg}")
+        assert largest < bar_deg
