@@ -53,7 +53,7 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
     target = Target.model_validate(attributes["target_model"])
     camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
     settings = attributes["settings"]
-    known = _map_of(attributes["provenance"].get("basemap", {}), target, basemap, folder)
+    known = map_of_product(attributes["provenance"].get("basemap", {}), target, basemap, folder)
     return Product(
         attributes["product"],
         _observation(image, quality),
@@ -77,7 +77,7 @@ def _observation(image: np.ndarray, quality: np.ndarray) -> Observation:
     return Observation(image, measured_noise(image, bare.usable, False), quality)
 
 
-def _map_of(made_with: dict[str, Any], target: Target, given: Path | None, folder: Path) -> BaseMap:
+def map_of_product(made_with: dict[str, Any], target: Target, given: Path | None, folder: Path) -> BaseMap:
     """The base map whose hash is in the product: the user's, or the catalog's."""
     if made_with.get("sha256") == "uniform":
         return uniform_map()

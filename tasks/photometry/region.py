@@ -1,0 +1,119 @@
+"""The pixels of one region, gathered over all images of a store."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.basemap import BaseMap
+from catalog.errors import RefusedError
+from tasks.export.pixels import Selection, pixel_table
+from tasks.export.source import Source, read_source
+from tasks.pictures.product import map_of_product
+from tasks.publish.index import open_index
+
+Array = NDArray[np.float64]
+TILE_DEG = 10.0
+FEWEST_PIXELS = 20
+USED = ("ok",)
+
+
+@dataclass(frozen=True)
+class RegionPixels:
+    """n pixels of one region. products: names of the images that see it. image (n,): which of them; value: brightness;
+    mu0, mu: cosines of incidence and emission; phase_deg; albedo: relative, of the base map, or 1; tile: the patch of
+    ground, counted over all images. seen: pixels per image before they were thinned out."""
+
+    products: tuple[str, ...]
+    image: NDArray[np.intp]
+    value: Array
+    mu0: Array
+    mu: Array
+    phase_deg: Array
+    albedo: Array
+    tile: NDArray[np.intp]
+    seen: tuple[int, ...]
+
+    def mean_phase_deg(self, image: int) -> float:
+        """Mean phase of one image's pixels."""
+        return float(self.phase_deg[self.image == image].mean())
+
+
+def usable_products(store: Path, doubtful: bool = False) -> list[Path]:
+    """Folders of a store's products whose verdict is ok, or a product's own folder. Raises RefusedError when none."""
+    from tasks.publish.names import CUBE
+
+    store = Path(store)
+    if (store / CUBE).is_dir():
+        return [store]
+    index = open_index(store)
+    wanted = index[index["status"].isin((*USED, "doubtful") if doubtful else USED)]
+    if wanted.empty:
+        found = ", ".join(f"{n} {status}" for status, n in index["status"].value_counts().items()) or "nothing"
+        raise RefusedError(
+            "no-usable-image",
+            f"{store} holds no image whose geometry is ok ({found}).",
+            "Look at `planetpose index`; `--doubtful` takes doubtful ones too.",
+        )
+    return [store / product for product in wanted["product"]]
+
+
+def region_pixels(
+    folders: Sequence[Path],
+    selection: Selection,
+    max_pixels_per_image: int = 5_000,
+    albedo_map: bool = False,
+    tile_deg: float = TILE_DEG,
+) -> RegionPixels:
+    """Gather the selected, unflagged pixels of all products; of an image with more than `max_pixels_per_image` every
+    k-th. albedo_map: divide out the base map that the products were made with.
+
+    Raises RefusedError when no image sees the region with at least 20 pixels, the products are of different targets,
+    or the base map is not at hand.
+    """
+    products, columns, seen, targets = [], [], [], set()
+    for folder in folders:
+        source = read_source(folder)
+        table = pixel_table(source, selection)
+        table = table[np.isfinite(table["image"])]
+        if len(table) < FEWEST_PIXELS:
+            continue
+        targets.add(source.target.name)
+        if len(targets) > 1:
+            raise RefusedError(
+                "targets-differ", f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
+            )
+        kept = table.iloc[:: -(-len(table) // max_pixels_per_image)]
+        names = ("image", "incidence", "emission", "phase", "latitude", "longitude")
+        value, incidence, emission, phase, latitude, longitude = (kept[name].to_numpy(np.float64) for name in names)
+        basemap = _map_of(source) if albedo_map else None
+        albedo = np.ones_like(value) if basemap is None else basemap.sample(latitude, longitude).astype(np.float64)
+        which = np.full(len(kept), len(products), np.intp)
+        cosines = np.cos(np.radians(incidence)), np.cos(np.radians(emission))
+        columns.append((which, value, *cosines, phase, albedo, _tiles(latitude, longitude, tile_deg)))
+        products.append(source.product)
+        seen.append(len(table))
+    if not products:
+        raise RefusedError(
+            "region-unseen",
+            f"none of {len(folders)} images has {FEWEST_PIXELS} usable pixels of the region within the limits.",
+            "Widen the region or the limits of the angles.",
+        )
+    gathered = [np.concatenate(column) for column in zip(*columns, strict=True)]
+    usable = gathered[5] > 0
+    return RegionPixels(tuple(products), *(column[usable] for column in gathered), tuple(seen))
+
+
+def _tiles(latitude: Array, longitude: Array, tile_deg: float) -> NDArray[np.intp]:
+    """A number for each patch of ground: rows of `tile_deg`, patches about as wide as high."""
+    row = np.floor((latitude + 90) / tile_deg)
+    width = tile_deg / np.maximum(np.cos(np.radians((row + 0.5) * tile_deg - 90)), 0.02)
+    return (row * 1000 + np.floor(longitude / width)).astype(np.intp)
+
+
+def _map_of(source: Source) -> BaseMap:
+    provenance = json.loads(source.attributes["provenance"])
+    return map_of_product(provenance.get("basemap", {}), source.target, None, source.folder)
