@@ -38,6 +38,19 @@ class Problem:
         """How many directions each image tells of (n,)."""
         return np.array([np.linalg.matrix_rank(scaled(m), tol=1e-8, hermitian=True) for m in self.matrix])
 
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Number of measurements of each kind (4,)."""
+        told = np.diagonal(self.matrix, axis1=1, axis2=2) > 0
+        return np.array([np.count_nonzero(told[:, kind == KIND_OF]) for kind in range(len(KINDS))])
+
+    def chi_square_of(self, kind: int, settings: AdjustSettings) -> float:
+        """Of the images about what they share of one kind, when they may differ in all others."""
+        scatter = limits_of(settings)
+        scatter[kind] = 0
+        everybody = np.ones(len(self.matrix))
+        return float(self.distances(self.solved(scatter, everybody).theta, scatter).sum())
+
     def told(self, scatter: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Information on what is shared (n, 6, 6) and (n, 6), the scatter being part of the noise; and the matrix T (I
         + N T)^-1 (n, 6, 6), the covariance of an image's own part."""
@@ -72,7 +85,7 @@ class Problem:
 
     def likeliest_scatter(self, weights: Array, start: Array, settings: AdjustSettings, last: bool = True) -> Array:
         """1-sigma (4,) of KINDS, `start` being near; the last time zero where images do not speak against the tie."""
-        limits = np.array([settings.limit_range, settings.limit_deg, settings.limit_deg, settings.limit_psf])
+        limits = limits_of(settings)
         allowed = np.ones(len(KINDS), bool)
         best, likelihood = self._likeliest(weights, start, limits, allowed)
         while last and allowed.any():
@@ -140,3 +153,8 @@ def scaled(matrix: Array) -> Array:
     """A symmetric matrix in units of its own diagonal."""
     unit = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return np.asarray(matrix * np.outer(unit, unit))
+
+
+def limits_of(settings: AdjustSettings) -> Array:
+    """Largest scatter (4,) of each of KINDS."""
+    return np.array([settings.limit_range, settings.limit_deg, settings.limit_deg, settings.limit_psf])

@@ -37,7 +37,16 @@ def report_of(images: Sequence[Measurement], adjustment: Adjustment, settings: A
         "images": image_rows(images, adjustment),
         "cameras": camera_rows(images, adjustment),
         "sequences": sequence_rows(images, adjustment, settings),
-        "scatter": dict(zip(KINDS, plain(adjustment.scatter), strict=True)),
+        "ties": [
+            {
+                "kind": kind,
+                "chi_square": float(adjustment.by_kind[number]),
+                "measurements": int(adjustment.counts[number]),
+                "scatter": float(adjustment.scatter[number]),
+                "holds": bool(adjustment.scatter[number] == 0),
+            }
+            for number, kind in enumerate(KINDS)
+        ],
         "consistency": {
             "chi_square": adjustment.chi_square,
             "degrees_of_freedom": adjustment.degrees,

@@ -14,7 +14,7 @@ class AdjustSettings(BaseModel):
     gap_s: float = Field(300.0, gt=0)
     focal_relative: float = Field(2e-3, gt=0)
     psf_relative: float = Field(0.5, gt=0)
-    map_deg: float = Field(0.05, ge=0)
+    map_deg: float = Field(0.15, ge=0)
     limit_range: float = Field(0.05, gt=0)
     limit_deg: float = Field(5.0, gt=0)
     limit_psf: float = Field(1.0, gt=0)

@@ -31,7 +31,8 @@ class Adjustment:
     """cameras: names; sequences: positions of their images. theta (3 cameras + 4 sequences,): per camera logarithm of
     the focal scale, roll_deg, logarithm of the blur's factor; then per sequence logarithm of the range bias and a turn
     (3,), degrees. covariance: of theta. scatter (4,): 1-sigma of KINDS. weights (n,) of the images. chi_square,
-    degrees: of the images about what they share, without scatter and at full weight; own: the same per image.
+    degrees: of the images about what they share, without scatter and at full weight; own: the same per image;
+    by_kind, counts (4,): chi-square and number of measurements of each of KINDS alone, the others being left free.
     shared, shared_covariance (n, 6), (n, 6, 6): each image's unknowns after the adjustment."""
 
     cameras: list[str]
@@ -42,6 +43,8 @@ class Adjustment:
     weights: Array
     chi_square: float
     degrees: int
+    by_kind: Array
+    counts: NDArray[np.int64]
     own: Array
     ranks: NDArray[np.int64]
     shared: Array
@@ -90,6 +93,8 @@ def adjust(images: Sequence[Measurement], settings: AdjustSettings) -> Adjustmen
         weights=weights,
         chi_square=float(own.sum() + problem.prior @ rigid.theta**2),
         degrees=int(problem.ranks.sum()) - int(free),
+        by_kind=np.array([problem.chi_square_of(kind, settings) for kind in range(len(KINDS))]),
+        counts=problem.counts,
         own=own,
         ranks=problem.ranks,
         shared=shared,

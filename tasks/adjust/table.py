@@ -2,9 +2,19 @@
 
 from typing import Any
 
-from tasks.adjust.likelihood import KINDS
+SHARED = {
+    "range": ("range factor, in a sequence", ""),
+    "roll": ("roll of the camera", " deg"),
+    "attitude": ("attitude, in a sequence", " deg"),
+    "psf": ("blur of the camera", ""),
+}
 
-UNITS = {"range": "", "roll": " deg", "attitude": " deg", "psf": ""}
+
+def tie_line(row: dict[str, Any]) -> str:
+    """Whether images share one kind of unknown."""
+    name, unit = SHARED[row["kind"]]
+    found = "shared" if row["holds"] else f"not quite shared: images scatter by {row['scatter']:.2g}{unit}"
+    return f"{name}: {found} (chi-square {row['chi_square']:.1f} of {row['measurements']} measurements)"
 
 
 def adjustment_table(report: dict[str, Any]) -> str:
@@ -35,11 +45,10 @@ def adjustment_table(report: dict[str, Any]) -> str:
     ]
     found = report["consistency"]
     chance = "" if found["probability"] is None else f", probability {found['probability']:.2g}"
-    scatter = ", ".join(f"{kind} {report['scatter'][kind]:.2g}{UNITS[kind]}" for kind in KINDS)
     lines += [
         "",
         f"Consistency: chi-square {found['chi_square']:.1f}, {found['degrees_of_freedom']} degrees of freedom{chance}.",
-        f"Scatter of single images beyond their errors: {scatter}.",
+        *(f"  {tie_line(row)}" for row in report["ties"]),
         report["overestimated_distance"],
     ]
     lines += [f"{row['product']}: left out: {row['reason']}" for row in report.get("left_out", [])]

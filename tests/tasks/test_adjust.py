@@ -99,8 +99,13 @@ def test_shared_attitudes_are_better_than_single_ones_by_the_root_of_their_numbe
 def test_images_that_do_not_share_their_attitude_are_told_so_and_keep_their_own() -> None:
     images, turns = planted(np.random.default_rng(2), 4, 5, attitude_scatter_deg=0.5)
     found = adjust(images, SETTINGS)
-    consistency = report_of(images, found, SETTINGS)["consistency"]
-    print(f"scatter {found.scatter}, {consistency}")
+    report = report_of(images, found, SETTINGS)
+    consistency, ties = report["consistency"], {row["kind"]: row for row in report["ties"]}
+    print(f"scatter {found.scatter}, {consistency}, {ties}")
+    assert [kind for kind, row in ties.items() if not row["holds"]] == ["attitude"]
+    assert ties["attitude"]["chi_square"] > 4 * ties["attitude"]["measurements"]
+    for kind in ("range", "roll", "psf"):
+        assert ties[kind]["chi_square"] < 2 * ties[kind]["measurements"]
     assert found.scatter[KINDS.index("attitude")] == pytest.approx(0.5, rel=0.3)
     assert consistency["probability"] < 1e-6
     assert np.sqrt(np.mean((found.shared[:, AT_ATTITUDE] - turns) ** 2)) < 0.15
