@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap
 from catalog.errors import RefusedError
+from catalog.observation import UNUSABLE, Quality
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.pictures.product import map_of_product
@@ -18,14 +19,15 @@ from tasks.publish.index import open_index
 Array = NDArray[np.float64]
 TILE_DEG = 10.0
 FEWEST_PIXELS = 20
+FEWEST_SKY_PIXELS = 100
 USED = ("ok",)
 
 
 @dataclass(frozen=True)
 class RegionPixels:
-    """n pixels of one region. products: names of the images that see it. image (n,): which of them; value: brightness;
-    mu0, mu: cosines of incidence and emission; phase_deg; albedo: relative, of the base map, or 1; tile: the patch of
-    ground, counted over all images. seen: pixels per image before they were thinned out."""
+    """n pixels of one region. products: names of the images that see it. image (n,): which of them; value: brightness
+    above the sky's; mu0, mu: cosines of incidence and emission; phase_deg; albedo: relative, of the base map, or 1;
+    tile: the patch of ground, counted over all images. seen: pixels per image before they were thinned out."""
 
     products: tuple[str, ...]
     image: NDArray[np.intp]
@@ -89,8 +91,9 @@ def region_pixels(
         kept = table.iloc[:: -(-len(table) // max_pixels_per_image)]
         names = ("image", "incidence", "emission", "phase", "latitude", "longitude")
         value, incidence, emission, phase, latitude, longitude = (kept[name].to_numpy(np.float64) for name in names)
-        basemap = _map_of(source) if albedo_map else None
+        basemap = _map_as_coarse_as_pixels(source) if albedo_map else None
         albedo = np.ones_like(value) if basemap is None else basemap.sample(latitude, longitude).astype(np.float64)
+        value = value - sky_level(source)
         which = np.full(len(kept), len(products), np.intp)
         cosines = np.cos(np.radians(incidence)), np.cos(np.radians(emission))
         columns.append((which, value, *cosines, phase, albedo, _tiles(latitude, longitude, tile_deg)))
@@ -114,6 +117,21 @@ def _tiles(latitude: Array, longitude: Array, tile_deg: float) -> NDArray[np.int
     return (row * 1000 + np.floor(longitude / width)).astype(np.intp)
 
 
-def _map_of(source: Source) -> BaseMap:
+def sky_level(source: Source) -> float:
+    """Median of the usable pixels off the body and away from its limb: dark current, bias, stray light. 0 when the
+    frame shows too little sky."""
+    quality = source.cube["quality"].values
+    sky = ((quality & np.uint16(Quality.OFF_BODY)) != 0) & ((quality & np.uint16(UNUSABLE | Quality.LIMB)) == 0)
+    values = source.cube["image"].values[sky]
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if values.size >= FEWEST_SKY_PIXELS else 0.0
+
+
+def _map_as_coarse_as_pixels(source: Source) -> BaseMap:
+    """The base map averaged to what a pixel sees."""
+    from tasks.joint.surface import map_as_coarse_as
+
     provenance = json.loads(source.attributes["provenance"])
-    return map_of_product(provenance.get("basemap", {}), source.target, None, source.folder)
+    basemap = map_of_product(provenance.get("basemap", {}), source.target, None, source.folder)
+    pixel_rad = float(np.nanmin(source.cube["resolution_km"].values)) / source.target.mean_radius_km
+    return replace(basemap, albedo=map_as_coarse_as(basemap, pixel_rad))

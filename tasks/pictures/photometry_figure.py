@@ -68,7 +68,7 @@ def _residuals(panel: "Axes", angle_deg: np.ndarray, fit: PhotometricFit, label:
     panel.axhline(0, color="black", linewidth=0.8, linestyle=":")
     panel.set_xlabel(f"{label}, deg")
     panel.set_ylabel("image minus law, %")
-    panel.legend(frameon=False, fontsize=8)
+    panel.legend(fontsize=8, framealpha=0.9)
     bare(panel)
 
 
