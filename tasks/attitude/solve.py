@@ -80,12 +80,14 @@ def find_attitude(
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
     quick = reductions[0]
     turned, turns, settled = pose, [], False
-    first = simulated_match(observation, scene, pose, reductions[0])
-    before = likeness(first)
-    if one_turn(first, settings).vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
+    match, at = simulated_match(observation, scene, pose, quick), quick
+    before = likeness(match)
+    if one_turn(match, settings).vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
         reductions.insert(0, 2 * reductions[0])  # the markings may be beyond the search: seen from afar they are not
     for iteration, reduction in enumerate([*reductions, *reductions[-1:] * (settings.max_turns - 1)], 1):
-        turn = one_turn(simulated_match(observation, scene, turned, reduction), settings)
+        if match.pose is not turned or at != reduction:
+            match, at = simulated_match(observation, scene, turned, reduction), reduction
+        turn = one_turn(match, settings)
         turns.append({"reduction": reduction, **turn.evidence})
         turned = turn.pose
         if progress:

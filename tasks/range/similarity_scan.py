@@ -1,7 +1,7 @@
 """Range: scan a factor on the distance and keep the one whose simulation is most similar (paper, section 3.2)."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -23,6 +23,8 @@ from tasks.simulate import Scene
 Progress = Callable[[str, int, str], None]
 
 
+# Of the scan, which only says where to look, and of the error; not of the renders that the answer comes from.
+SCAN_OVERSAMPLE = 2
 # A step this small leaves nothing for another.
 NEAR_PX = 0.02
 
@@ -90,7 +92,8 @@ def found_range(
     camera = scene.camera
     n = reduction_for(pose, scene, settings.diameter_px)
     observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
-    match = match_scene(observation, scene, pose, framed_window(scene, pose.with_range_factor(1 - settings.limit)))
+    rough = replace(scene, settings=scene.settings.model_copy(update={"oversample": SCAN_OVERSAMPLE}))
+    match = match_scene(observation, rough, pose, framed_window(scene, pose.with_range_factor(1 - settings.limit)))
     trials, widened = scan(match, settings)
     best = max(trials, key=lambda trial: trial.similarity)
     if progress:
@@ -112,7 +115,7 @@ def found_range(
         step="range",
         pose=corrected,
         changed={"range_factor": float(refined.factor), "offset_px": moved_px.tolist()},
-        uncertainty={"range_factor": radial_sigma(match_scene(observation, scene, corrected))},
+        uncertainty={"range_factor": radial_sigma(match_scene(observation, rough, corrected))},
         evidence=evidence,
     )
 

@@ -84,28 +84,19 @@ class Scene:
 
     def surface(self, pose: Pose, window: Window, oversample: int) -> Surface:
         """Render the geometry by Mitsuba and look up cosines and albedo at every sub-pixel."""
+        from tasks.simulate.surface_loop import sampled_surface
+
         points = render_positions(pose, self.camera, self.target, window, oversample)
-        hit = np.any(points != 0, axis=-1)
-        body = points[hit] * np.float32(self.target.mean_radius_km)
-        inverse_squares = (1.0 / np.square(self.target.radii_km)).astype(np.float32)
-        normal = body * inverse_squares
-        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-        to_camera = pose.spacecraft_in_body_km.astype(np.float32) - body
-        to_camera /= np.linalg.norm(to_camera, axis=-1, keepdims=True)
-        longitude = np.degrees(np.arctan2(body[:, 1], body[:, 0]))
-        latitude = np.degrees(np.arctan2(body[:, 2], np.hypot(body[:, 0], body[:, 1])))
-
-        def spread(values: NDArray) -> NDArray[np.float32]:
-            image = np.zeros(hit.shape, np.float32)
-            image[hit] = values
-            return image
-
-        return Surface(
-            hit=hit,
-            mu0=spread(np.maximum(normal @ pose.sun_direction_in_body.astype(np.float32), 0)),
-            mu=spread(np.maximum(np.einsum("ij,ij->i", normal, to_camera), 0)),
-            albedo=spread(self.basemap.sample(latitude, longitude)),
+        hit, mu0, mu, albedo = sampled_surface(
+            points,
+            self.target.mean_radius_km,
+            np.array(self.target.radii_km, np.float64),
+            np.ascontiguousarray(pose.spacecraft_in_body_km, np.float64),
+            np.ascontiguousarray(pose.sun_direction_in_body, np.float64),
+            np.ascontiguousarray(self.basemap.albedo, np.float32),
+            float(self.basemap.left_edge_deg),
         )
+        return Surface(hit, mu0, mu, albedo)
 
     def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
         """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""

@@ -61,7 +61,7 @@ def validate_limb(
 ) -> LimbReport:
     """Shift of the derivative's extremum between image and simulation on every segment across the lit limb."""
     settings = settings or ValidateSettings()
-    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=settings.half_px + 8))
+    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=margin_px(settings)))
     edges = measure_limb(match, settings)
     wide = with_rim(observation, pose, scene)
     shift, horizontal = edges.shift_px, edges.segments.horizontal
@@ -80,6 +80,11 @@ def validate_limb(
         shift_px=shift,
         horizontal=horizontal,
     )
+
+
+def margin_px(settings: ValidateSettings) -> float:
+    """Sky around the disk that segments and similarity are measured on."""
+    return settings.half_px + 8.0
 
 
 def _rms(values: Array) -> float:

@@ -4,10 +4,14 @@ from typing import Any
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.brightness import fit_brightness
+from tasks.compare.match import framed_window, match_scene
+from tasks.compare.similarity import ssim
 from tasks.plain import plain
 from tasks.simulate import Scene
 from tasks.stored import load_observation, pose_in, save_arrays, scene_of
 from tasks.validate import ValidateSettings, validate_limb
+from tasks.validate.limb import margin_px
 from tasks.work import Work
 
 
@@ -30,5 +34,6 @@ def similarity_before(observation: Observation, pose: Pose, scene: Scene, settin
         return None
     if min(window.shape) < 1:
         return None
-    similarity: float | None = plain(validate_limb(observation, pose, scene, settings).similarity)
+    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=margin_px(settings)))
+    similarity: float | None = plain(ssim(match.image, fit_brightness(match, match.simulation.bases)[0], match.usable))
     return similarity
