@@ -14,20 +14,34 @@ def register(app: typer.Typer) -> None:
 def show(
     path: Annotated[Path, typer.Argument(help="A product folder, as written by `planetpose correct`.")],
     limb: Annotated[
-        bool, typer.Option("--limb", help="Pictures of the limb instead: segments, profiles, derivatives, shifts.")
+        bool, typer.Option("--limb", help="Pictures of the limb: segments, profiles, derivatives, shifts.")
     ] = False,
+    residual: Annotated[
+        bool, typer.Option("--residual", help="Image, simulation and their difference, before and after.")
+    ] = False,
+    planes: Annotated[bool, typer.Option("--planes", help="Planes and flags of the cube.")] = False,
+    all_: Annotated[bool, typer.Option("--all", help="All of them, and the overlay.")] = False,
     map: Annotated[
         Path | None,
-        typer.Option(help="With --limb: the base map that the product was made with, if not the catalog's."),
+        typer.Option(help="--limb, --residual: the base map that the product was made with, if not the catalog's."),
     ] = None,
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the picture where there is a display.")] = True,
 ) -> None:
-    """Draw the overlay picture anew and print its path: image, predicted and corrected limb, grid, terminator."""
-    pictures = limb_pictures(path, map) if limb else [overlay_picture(path)]
-    for picture in pictures:
-        print(picture)
-    if open_ and on_a_desk():
-        typer.launch(str(pictures[0]))
+    """Draw pictures of a product anew and print their paths; without options the overlay: image, predicted and
+    corrected limb, grid, terminator."""
+    first: Path | None = None
+    drawers = {
+        "overlay": (all_ or not (limb or residual or planes), lambda: [overlay_picture(path)]),
+        "planes": (all_ or planes, lambda: [planes_picture(path)]),
+        "residual": (all_ or residual, lambda: [residual_picture(path, map)]),
+        "limb": (all_ or limb, lambda: limb_pictures(path, map)),
+    }
+    for wanted, draw in drawers.values():
+        for picture in draw() if wanted else ():
+            first = first or picture
+            print(picture, flush=True)
+    if open_ and first and on_a_desk():
+        typer.launch(str(first))
 
 
 def overlay_picture(path: Path) -> Path:
@@ -42,6 +56,20 @@ def limb_pictures(path: Path, basemap: Path | None) -> list[Path]:
     from tasks.pictures.redraw import draw_limb
 
     return draw_limb(path, basemap)
+
+
+def residual_picture(path: Path, basemap: Path | None) -> Path:
+    """Draw image, simulation and residual."""
+    from tasks.pictures.redraw import draw_residual
+
+    return draw_residual(path, basemap)
+
+
+def planes_picture(path: Path) -> Path:
+    """Draw the cube's planes."""
+    from tasks.pictures.redraw import draw_planes
+
+    return draw_planes(path)
 
 
 def on_a_desk() -> bool:

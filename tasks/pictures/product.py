@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from tasks.compare.limb_edges import LimbSettings
 from tasks.publish.cube import open_cube
 from tasks.publish.product import CUBE
 from tasks.simulate import Scene, SceneSettings
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -39,13 +42,7 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
     Raises RefusedError when the folder holds no cube, or the base map is not at hand.
     """
     folder = Path(folder)
-    if not (folder / CUBE).is_dir():
-        raise RefusedError(
-            "product-missing",
-            f"{folder} holds no {CUBE}.",
-            "Give a product folder, as written by `planetpose correct`.",
-        )
-    with open_cube(folder / CUBE) as cube:
+    with opened_cube(folder) as cube:
         attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
         resampled = "resampled_image" in cube
         image = cube["resampled_image" if resampled else "image"].values
@@ -62,6 +59,17 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
         Scene(camera, target, known, SceneSettings.model_validate(settings.get("simulate", {}))),
         LimbSettings.model_validate(settings.get("validate", {})),
     )
+
+
+def opened_cube(folder: Path) -> "xr.Dataset":
+    """The cube of a product folder, lazy; to be closed. Raises RefusedError when the folder holds none."""
+    if not (Path(folder) / CUBE).is_dir():
+        raise RefusedError(
+            "product-missing",
+            f"{folder} holds no {CUBE}.",
+            "Give a product folder, as written by `planetpose correct`.",
+        )
+    return open_cube(Path(folder) / CUBE)
 
 
 def _loaded(value: Any) -> Any:

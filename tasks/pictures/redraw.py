@@ -1,11 +1,16 @@
-"""Pictures of a finished product's limb, put into its folder."""
+"""Pictures of a finished product, put into its folder."""
 
 from pathlib import Path
 
+from tasks.pictures.canvas import DRAWING
 from tasks.pictures.limb_figures import write_limb_figures
 from tasks.pictures.limb_profiles import compare_limbs
+from tasks.pictures.planes_figure import planes_figure
 from tasks.pictures.product import read_product
+from tasks.pictures.residual_figure import residual_figure
 from tasks.publish.checksums import refresh_checksum
+
+PLANES, RESIDUAL = "planes.png", "residual.png"
 
 
 def draw_limb(folder: Path, basemap: Path | None = None) -> list[Path]:
@@ -15,3 +20,20 @@ def draw_limb(folder: Path, basemap: Path | None = None) -> list[Path]:
     for path in paths:
         refresh_checksum(folder, path.name)
     return paths
+
+
+def draw_residual(folder: Path, basemap: Path | None = None) -> Path:
+    """Draw image, simulation and residual, before and after the correction. Raises RefusedError as `read_product`."""
+    product = read_product(folder, basemap)
+    with DRAWING:
+        residual_figure(product).savefig(folder / RESIDUAL, format="png")
+    refresh_checksum(folder, RESIDUAL)
+    return folder / RESIDUAL
+
+
+def draw_planes(folder: Path) -> Path:
+    """Draw the planes of the cube. Raises RefusedError when the folder holds none."""
+    with DRAWING:
+        planes_figure(folder).savefig(folder / PLANES, format="png")
+    refresh_checksum(folder, PLANES)
+    return folder / PLANES
