@@ -1,0 +1,1 @@
+"""`planetpose report`: a store as static HTML pages."""
