@@ -99,7 +99,7 @@ class Profile(BaseModel):
     def holding(self, groups: Iterable[str]) -> "Profile":
         """Copy that also holds `groups`. Raises ValidationError when no correction is left, or a group is unknown."""
         content = self.resolved()
-        return Profile.model_validate(content | {"hold": [*content["hold"], *groups]})
+        return Profile.model_validate(content | {"hold": list(dict.fromkeys([*content["hold"], *groups]))})
 
     def resolved(self) -> dict[str, Any]:
         """Every setting with its value, defaults included, as plain JSON."""

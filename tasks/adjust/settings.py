@@ -12,7 +12,7 @@ class AdjustSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     gap_s: float = Field(300.0, gt=0)
-    focal_relative: float = Field(2e-3, gt=0)
+    focal_relative: float = Field(5e-4, gt=0)
     psf_relative: float = Field(0.5, gt=0)
     map_deg: float = Field(0.15, ge=0)
     limit_range: float = Field(0.05, gt=0)

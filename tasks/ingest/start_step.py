@@ -4,8 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from tasks.joint.parameters import ATTITUDE, ROLL, State, difference
 from tasks.plain import plain
 from tasks.point.rotation import pose_moved_by
 from tasks.stored import camera_of
@@ -28,7 +30,21 @@ def run(work: Work) -> dict[str, Any]:
                 "Check camera_from_j2000, or leave --start-offset out: the whole frame is searched then.",
             )
         start = pose_moved_by(start, camera, offset_px)
-    return {"pose": start.to_dict(), "centre_px": plain(camera.project(start.target_in_camera_km))}
+    changed = {} if earlier is None else turned(predicted, start, camera)
+    return {
+        "pose": start.to_dict(),
+        "centre_px": plain(camera.project(start.target_in_camera_km)),
+        "changed": changed,
+        "uncertainty": {},
+    }
+
+
+def turned(predicted: Pose, start: Pose, camera: Camera) -> dict[str, Any]:
+    """Roll of the camera and turn of the body that are resumed, in the words of corrections."""
+    if not np.isfinite(camera.project(predicted.target_in_camera_km)).all():
+        return {}
+    step = difference(State(start, 1.0), State(predicted, 1.0), camera)
+    return {"roll_deg": float(step[ROLL]), "attitude_deg": plain(step[ATTITUDE])}
 
 
 def resumed(earlier: Pose, predicted: Pose) -> Pose:

@@ -38,7 +38,8 @@ def run(work: Work) -> dict[str, Any]:
     camera = camera_of(work)
     before, after = pose_in(work.place("predicted")), pose_in(work.place("pose"))
     corrections = {name: r.result for name, r in records.items() if name.partition("-")[0] in CORRECTIONS}
-    corrected = summary(before, after, camera, corrections)
+    resumed = {"start": records["start"].result} if "start" in records else {}
+    corrected = summary(before, after, camera, resumed | corrections)
     publication = Publication(
         product=work.inputs["product"],
         observation=load_observation(work.place("undistort")),

@@ -49,9 +49,15 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def correct_in(folder: Path, image: str = "small.png", hold: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
+def correct_in(
+    folder: Path,
+    image: str = "small.png",
+    hold: tuple[str, ...] = (),
+    steps: tuple[str, ...] = ("point", "joint"),
+    **more: Any,
+) -> dict[str, Any]:
     """Correct an image of `folder` with the joint profile, without Prefect."""
-    profile = find_profile(str(folder / "joint.toml")).holding(hold)
+    profile = find_profile(str(folder / "joint.toml")).holding(hold).model_copy(update={"steps": steps})
     request = Request(
         image=folder / image,
         camera=str(folder / "small.toml"),
@@ -109,7 +115,7 @@ def test_steps_that_would_change_what_is_held_are_left_out() -> None:
         (["--hold", "offset,attitude"], "none of the steps"),
         (["--hold", "distance"], "offset"),
         (["--start-offset", "3"], "two numbers"),
-        (["--start-offset", "3,inf"], "not finite"),
+        (["--start-offset", "-3,inf"], "not finite"),
     ],
 )
 def test_help_that_makes_no_sense_is_wrong_usage(arguments: list[str], fault: str) -> None:
@@ -179,7 +185,7 @@ def test_a_start_offset_takes_the_body_that_is_meant(correct: Correct, archive: 
     Image.fromarray(np.clip(two, 0, 65535).astype(np.uint16)).save(tmp_path / "here" / "two.png")
     camera = (archive / "small.toml").read_text().replace("[112, 104]", "[232, 104]")
     (tmp_path / "here" / "small.toml").write_text(camera)
-    alone, helped = correct("two.png"), correct("two.png", start_offset_px=(4.0, 6.0))
+    alone, helped = (correct("two.png", steps=("point",), start_offset_px=start) for start in (None, (4.0, 6.0)))
     print(f"alone {alone['centre_px']}, helped {helped['centre_px']}, {helped['status']}: {helped['reason']}")
     assert alone["centre_px"] == pytest.approx((TRUE_CENTRE_PX[0] + 120, TRUE_CENTRE_PX[1]), abs=0.5)
     assert helped["centre_px"] == pytest.approx(TRUE_CENTRE_PX, abs=0.3)
@@ -196,6 +202,8 @@ def test_going_on_from_a_result_reproduces_it(correct: Correct, plain_result: di
     assert (np.abs(moved) < 0.5 * np.array(sigma["centre_px"])).all()
     assert result["range_factor"] == pytest.approx(plain_result["range_factor"], abs=0.5 * sigma["range_factor"])
     assert result["offset_px"] == pytest.approx(PLANTED_OFFSET_PX, abs=0.1)
+    assert result["roll_deg"] == pytest.approx(plain_result["roll_deg"], abs=0.5 * sigma["roll_deg"])
+    assert result["attitude_deg"] == pytest.approx(plain_result["attitude_deg"], abs=0.5 * min(sigma["attitude_deg"]))
     assert result["guidance"]["resumed_from"] == str(product)
     assert "start" in result["seconds"]
     for name, code in (("nothing", "resume-unreadable"), ("bad", "resume-invalid"), ("other", "resume-other-image")):
@@ -220,4 +228,6 @@ def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     assert image["range_factor"] == pytest.approx(plain_result["range_factor"], abs=1e-3)
     result = correct(resume=tmp_path / "adjusted", hold=("range", "attitude", "roll"))
     assert result["range_factor"] == pytest.approx(image["range_factor"], rel=1e-9)
+    assert result["roll_deg"] == pytest.approx(image["roll_deg"], abs=1e-3)  # the roll that was resumed and held
+    assert result["attitude_deg"] == pytest.approx(image["attitude_deg"], abs=1e-3)
     assert result["centre_px"] == pytest.approx(TRUE_CENTRE_PX, abs=0.1)
