@@ -62,7 +62,7 @@ def cell(value: Any, digits: int | None) -> tuple[str, str]:
     if digits is not None:
         return f"{value:.{digits}f}", repr(float(value))
     if hasattr(value, "strftime"):
-        return value.strftime("%Y-%m-%d %H:%M:%S"), value.isoformat()
+        return value.strftime("%Y-%m-%d %H:%M"), value.isoformat()
     return str(value), str(value)
 
 

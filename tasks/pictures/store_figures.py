@@ -10,11 +10,13 @@ from tasks.pictures.canvas import CYCLE, bare
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ROW_INCHES, HEAD_INCHES, WIDTH_INCHES = 0.55, 1.1, 7.2
 SPREAD = 0.28
 DPI = 110
+NARROW = 100.0
 
 
 @dataclass(frozen=True)
@@ -65,16 +67,28 @@ def distribution_figure(index: "pd.DataFrame", quantity: Quantity) -> "Figure | 
             panel.scatter(
                 values[mine][chosen], height[chosen], s=26, facecolors=fill, edgecolors=colour, linewidths=1.2
             )
-        panel.plot([np.median(values[mine])] * 2, [row - 0.38, row + 0.38], color="black", linewidth=1.6)
+        if mine.sum() > 1:
+            panel.plot([np.median(values[mine])] * 2, [row - 0.38, row + 0.38], color="black", linewidth=1.6)
     panel.set_yticks(range(len(cameras)), [f"{c} ({int((known & (index['camera'] == c)).sum())})" for c in cameras])
     panel.set_ylim(len(cameras) - 0.4, -0.6)
     if quantity.log:
         panel.set_xscale("log")
+        _plain_ticks(panel, values[known])
     panel.set_xlabel(quantity.label)
     panel.grid(axis="x", color="0.9")
     panel.set_axisbelow(True)
     bare(panel)
     return figure
+
+
+def _plain_ticks(panel: "Axes", values: np.ndarray) -> None:
+    """Numbers as people write them; steps of 1, 2, 5 where the values span little."""
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+    narrow = float(values.max() / values.min()) < NARROW
+    panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,)))
+    panel.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    panel.xaxis.set_minor_formatter(NullFormatter())
 
 
 def told(index: "pd.DataFrame", quantity: Quantity) -> Sequence[tuple[str, int, float, float, float]]:

@@ -1,7 +1,6 @@
 """Phase functions: what was planted in a store's images comes back from its cubes, within the stated uncertainty."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,18 +12,10 @@ from tasks.export.source import read_source
 from tasks.photometry.each_image import limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
 from tasks.photometry.laws import find_law
-from tasks.photometry.planted import Planted, write_planted_store
 from tasks.photometry.region import RegionPixels, region_pixels, sky_level, usable_products
 
 REGION = Selection(latitude_deg=(-50, 50), max_incidence_deg=75, max_emission_deg=75)
-PHASES_DEG = (12.0, 40.0, 70.0, 100.0)
 only_lunar_lambert = pytest.mark.parametrize("planted", ["lunar-lambert"], indirect=True)
-
-
-@pytest.fixture(scope="module", params=["lunar-lambert", "hapke"])
-def planted(request, tmp_path_factory) -> tuple[Path, Planted]:
-    store = tmp_path_factory.mktemp(request.param)
-    return store, write_planted_store(store, request.param, phases_deg=PHASES_DEG, size_px=48)
 
 
 @pytest.fixture(scope="module")

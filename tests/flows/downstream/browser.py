@@ -1,0 +1,106 @@
+"""A headless Chromium, spoken to over its own protocol: enough to load a page and ask what is wrong with it."""
+
+import json
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "chromium-headless-shell")
+START_S, ANSWER_S = 60.0, 30.0
+
+
+def find_browser() -> str | None:
+    """Path of an installed Chromium or Chrome."""
+    return next((path for name in NAMES if (path := shutil.which(name))), None)
+
+
+class Page:
+    """One page. complaints: errors and warnings of its console, exceptions, files that did not load."""
+
+    def __init__(self, socket: ClientConnection) -> None:
+        self._socket, self._number = socket, 0
+        self.complaints: list[str] = []
+        for domain in ("Page", "Runtime", "Log", "Network"):
+            self._ask(f"{domain}.enable")
+
+    def open(self, url: str, width: int = 1400, height: int = 900) -> None:
+        """Load `url` in a window of this size and wait for it."""
+        self.complaints.clear()
+        size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+        self._ask("Emulation.setDeviceMetricsOverride", **size)
+        self._ask("Page.navigate", url=url)
+        deadline = time.monotonic() + ANSWER_S
+        while self._take(deadline).get("method") != "Page.loadEventFired":
+            pass
+
+    def ask(self, expression: str) -> Any:
+        """The value of a JavaScript expression, of its promise if it is one."""
+        answer = self._ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in answer:
+            raise AssertionError(answer["exceptionDetails"])
+        return answer["result"].get("value")
+
+    def _ask(self, method: str, **parameters: Any) -> dict[str, Any]:
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": parameters}))
+        deadline = time.monotonic() + ANSWER_S
+        while True:
+            message = self._take(deadline)
+            if message.get("id") == self._number:
+                assert "error" not in message, message
+                return message["result"]
+
+    def _take(self, deadline: float) -> dict[str, Any]:
+        message = json.loads(self._socket.recv(timeout=max(deadline - time.monotonic(), 0.1)))
+        told = message.get("params", {})
+        match message.get("method"):
+            case "Runtime.exceptionThrown":
+                self.complaints.append(str(told["exceptionDetails"]))
+            case "Runtime.consoleAPICalled" if told["type"] in ("error", "warning", "assert"):
+                self.complaints.append(str(told["args"]))
+            case "Log.entryAdded" if told["entry"]["level"] in ("error", "warning"):
+                self.complaints.append(told["entry"]["text"])
+            case "Network.loadingFailed" if not told.get("canceled"):
+                self.complaints.append(told["errorText"])
+        return message
+
+
+@contextmanager
+def browser_page(program: str, profile: Path) -> Iterator[Page]:
+    """A page of a new browser, whose own files are in the folder `profile`."""
+    options = ("--headless=new", "--no-sandbox", "--disable-gpu", "--no-first-run", "--remote-debugging-port=0")
+    process = subprocess.Popen(
+        [program, *options, f"--user-data-dir={profile}", "about:blank"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    try:
+        port = _port(profile / "DevToolsActivePort")
+        with connect(_page_address(port), max_size=None, proxy=None) as socket:
+            yield Page(socket)
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+def _port(file: Path) -> int:
+    deadline = time.monotonic() + START_S
+    while time.monotonic() < deadline:
+        if file.is_file() and (lines := file.read_text().split()):
+            return int(lines[0])
+        time.sleep(0.05)
+    raise TimeoutError("the browser did not start")
+
+
+def _page_address(port: int) -> str:
+    from urllib.request import ProxyHandler, build_opener
+
+    with build_opener(ProxyHandler({})).open(f"http://127.0.0.1:{port}/json/list", timeout=ANSWER_S) as answer:
+        pages = [entry for entry in json.load(answer) if entry["type"] == "page"]
+    return str(pages[0]["webSocketDebuggerUrl"])
