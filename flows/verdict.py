@@ -25,9 +25,12 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
     if rms_px is None and accept.require_limb:
+        measured = f"only {points} segments of the lit limb could be measured"
+        if limb["tried"] == 0:
+            measured = "the lit limb is nowhere on usable pixels of the frame"
         raise FailedError(
             "limb-not-measured",
-            f"only {points} segments of the lit limb could be measured, so nothing bears the corrected pose out.",
+            f"{measured}, so nothing bears the corrected pose out.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
     if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:

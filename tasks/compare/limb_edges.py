@@ -9,15 +9,19 @@ from pydantic import BaseModel, ConfigDict, Field
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import Match
 from tasks.compare.segments import Segments, limb_segments, profiles
+from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 # A limb within this cosine of the sub-solar side counts as fully lit, however low the Sun stands there.
 LIT_SIDE_COSINE = 0.6
+# A disk whose terminator is this near its limb is round: all of the limb is seen.
+ROUND_PX = 0.25
 
 
 class LimbSettings(BaseModel):
     """half_px: reach of a segment to each side. smooth_px: Gaussian width of the derivative. max_incidence_deg: only
-    limb points better lit than this, or on the sub-solar side when the phase angle is low. min_contrast: a segment's
+    limb points better lit than this, or on the sub-solar side when the phase angle is low, or all of them when it is so
+    low that no dark rim shows. min_contrast: a segment's
     simulated step, in sigmas of the noise."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -58,15 +62,19 @@ def measure_limb(match: Match, settings: LimbSettings) -> LimbEdges:
     return LimbEdges(segments.chosen(measured), shift[measured], len(segments), model)
 
 
-def lit_limit_deg(phase_deg: float, settings: LimbSettings) -> float:
-    """Largest incidence of a limb point that is compared."""
+def lit_limit_deg(phase_deg: float, settings: LimbSettings, radius_px: float = np.inf) -> float:
+    """Largest incidence of a limb point that is compared; 180, all of them, where the terminator of a disk of radius_px
+    is nowhere farther than ROUND_PX inside the limb."""
+    if phase_deg < 90 and np.isfinite(radius_px) and radius_px * (1 - np.cos(np.radians(phase_deg))) <= ROUND_PX:
+        return 180.0
     sub_solar_side = 90 - np.degrees(np.arcsin(LIT_SIDE_COSINE * np.sin(np.radians(min(phase_deg, 90.0)))))
     return float(max(settings.max_incidence_deg, min(sub_solar_side, 89.5)))
 
 
 def usable_segments(segments: Segments, match: Match, model: Array, settings: LimbSettings) -> Segments:
     """Lit segments wholly on usable pixels whose simulated step stands out of the noise."""
-    lit = segments.chosen(segments.incidence_deg < lit_limit_deg(match.pose.phase_deg, settings))
+    radius_px = disk_radius_px(match.pose, match.scene.camera, match.scene.target)
+    lit = segments.chosen(segments.incidence_deg < lit_limit_deg(match.pose.phase_deg, settings, radius_px))
     usable = profiles(match.usable.astype(np.float64), lit, match.origin, settings.half_px)
     steps = profiles(model, lit, match.origin, settings.half_px)
     clear = (usable == 1).all(axis=1)

@@ -62,6 +62,8 @@ def test_the_lit_side_counts_at_low_phase_and_the_incidence_at_high() -> None:
     assert lit_limit_deg(90.0, SETTINGS) == pytest.approx(80)
     assert lit_limit_deg(10.0, SETTINGS) == pytest.approx(90 - np.degrees(np.arcsin(0.6 * np.sin(np.radians(10)))))
     assert lit_limit_deg(0.0, SETTINGS) == 89.5
+    assert lit_limit_deg(10.0, SETTINGS, radius_px=100) == lit_limit_deg(10.0, SETTINGS)  # a dark rim of 1.5 px
+    assert lit_limit_deg(3.0, SETTINGS, radius_px=100) == 180  # of 0.14 px
 
 
 def edges_with(offset: tuple[float, float], growth: float, noise: float = 0.0, arc_deg: float = 180.0) -> LimbEdges:
