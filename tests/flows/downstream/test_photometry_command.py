@@ -1,0 +1,92 @@
+"""`planetpose photometry`, `report` and `show` as a user types them."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from flows.cli import build_app
+from tasks.publish.checksums import checksum_faults
+
+RUN = CliRunner()
+SELECTED = (
+    "--latitude",
+    "-50",
+    "50",
+    "--longitude",
+    "0",
+    "360",
+    "--max-incidence-deg",
+    "70",
+    "--max-emission-deg",
+    "70",
+)
+
+
+@pytest.fixture
+def capture(monkeypatch):
+    """Commands answer on the real stdout; here the runner's is as good."""
+    import contextlib
+    import sys
+
+    monkeypatch.setattr("flows.cli.output.clean_stdout", lambda: contextlib.nullcontext(sys.stdout))
+
+
+def test_one_region_gives_json_tables_and_a_figure(lunar_lambert_store, tmp_path, capture) -> None:
+    command = ["photometry", str(lunar_lambert_store), *SELECTED, "--hold", "mag_per_deg=0.012", "--json"]
+    done = RUN.invoke(build_app(), [*command, "--out", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    region = json.loads(done.stdout)
+    assert json.loads((tmp_path / "photometry.json").read_text()) == [region]
+    found = {each["name"]: each for each in region["parameters"]}
+    assert found["mag_per_deg"] | {"meaning": ""} == {
+        "name": "mag_per_deg", "value": 0.012, "sigma": None, "unit": "mag/deg", "how": "held", "meaning": "",
+    }  # fmt: skip
+    assert abs(found["limb_weight"]["value"] - 0.75) < 3 * found["limb_weight"]["sigma"]
+    assert [each["product"] for each in region["images"]] == [f"PHASE_{p:05.1f}" for p in (12, 40, 70, 100)]
+    with (tmp_path / "images.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["factor"]) for row in rows] == [each["factor"] for each in region["images"]]
+    assert (tmp_path / "region.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_regions_of_a_file_are_fitted_one_by_one_and_an_unseen_one_says_so(
+    lunar_lambert_store, tmp_path, capture
+) -> None:
+    regions = tmp_path / "regions.csv"
+    regions.write_text("region,south,north,west,east\nequator,-30,30,0,360\npole,89.9,90,0,360\n")
+    command = ["photometry", str(lunar_lambert_store), "--regions", str(regions), "--json", "--out", str(tmp_path)]
+    done = RUN.invoke(build_app(), command)
+    assert done.exit_code == 1
+    equator, pole = (json.loads(line) for line in done.stdout.splitlines())
+    assert (equator["status"], pole["status"]) == ("ok", "failed")
+    assert "region-unseen" in pole["reason"]
+
+
+@pytest.mark.parametrize("wrong", [("--law", "oren-nayar"), ("--hold", "w"), ("--latitude", "north", "south")])
+def test_wrong_usage_is_told(lunar_lambert_store, wrong) -> None:
+    assert RUN.invoke(build_app(), ["photometry", str(lunar_lambert_store), *wrong]).exit_code == 2
+
+
+def test_a_file_that_lists_no_regions_is_refused(lunar_lambert_store, tmp_path) -> None:
+    regions = tmp_path / "regions.csv"
+    regions.write_text("name\nequator\n")
+    done = RUN.invoke(build_app(), ["photometry", str(lunar_lambert_store), "--regions", str(regions)])
+    assert done.exit_code != 0
+    assert "south, north, west, east" in str(done.exception)
+
+
+def test_show_draws_planes_and_leaves_the_product_sound(lunar_lambert_store, tmp_path) -> None:
+    folder = tmp_path / "PHASE_070.0"
+    shutil.copytree(lunar_lambert_store / folder.name, folder)
+    done = RUN.invoke(build_app(), ["show", str(folder), "--planes", "--no-open"])
+    assert done.exit_code == 0, done.output
+    assert [Path(line).name for line in done.stdout.splitlines()] == ["planes.png"]
+    assert checksum_faults(folder) == []
+
+
+def test_an_unknown_picture_is_wrong_usage(lunar_lambert_store) -> None:
+    assert RUN.invoke(build_app(), ["report", str(lunar_lambert_store), "--picture", "selfie"]).exit_code == 2
