@@ -38,7 +38,8 @@ def write_report(
     index = open_index(store)
     for name in (PAGES, PICTURES, FIGURES):
         (out / name).mkdir(parents=True, exist_ok=True)
-    entries, missing = [], {}
+    entries: list[ImageEntry] = []
+    missing: dict[str, str] = {}
     for row in index.to_dict("records"):
         tell(str(row["product"]))
         entry = image_entry(Path(store) / row["product"], row)

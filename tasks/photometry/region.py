@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,9 @@ from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 TILE_DEG = 10.0
@@ -76,7 +80,10 @@ def region_pixels(
     Raises RefusedError when no image sees the region with at least 20 pixels, the products are of different targets,
     or the base map is not at hand.
     """
-    products, columns, seen, targets = [], [], [], set()
+    products: list[str] = []
+    parts: list[dict[str, NDArray]] = []
+    seen: list[int] = []
+    targets: set[str] = set()
     for folder in folders:
         source = read_source(folder)
         table = pixel_table(source, selection)
@@ -88,15 +95,8 @@ def region_pixels(
             raise RefusedError(
                 "targets-differ", f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
             )
-        kept = table.iloc[:: -(-len(table) // max_pixels_per_image)]
-        names = ("image", "incidence", "emission", "phase", "latitude", "longitude")
-        value, incidence, emission, phase, latitude, longitude = (kept[name].to_numpy(np.float64) for name in names)
-        basemap = _map_as_coarse_as_pixels(source) if albedo_map else None
-        albedo = np.ones_like(value) if basemap is None else basemap.sample(latitude, longitude).astype(np.float64)
-        value = value - sky_level(source)
-        which = np.full(len(kept), len(products), np.intp)
-        cosines = np.cos(np.radians(incidence)), np.cos(np.radians(emission))
-        columns.append((which, value, *cosines, phase, albedo, _tiles(latitude, longitude, tile_deg)))
+        thinned = table.iloc[:: -(-len(table) // max_pixels_per_image)]
+        parts.append(_columns(source, thinned, albedo_map, tile_deg) | {"image": np.full(len(thinned), len(products))})
         products.append(source.product)
         seen.append(len(table))
     if not products:
@@ -105,9 +105,26 @@ def region_pixels(
             f"none of {len(folders)} images has {FEWEST_PIXELS} usable pixels of the region within the limits.",
             "Widen the region or the limits of the angles.",
         )
-    gathered = [np.concatenate(column) for column in zip(*columns, strict=True)]
-    usable = gathered[5] > 0
-    return RegionPixels(tuple(products), *(column[usable] for column in gathered), tuple(seen))
+    columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    mapped = columns["albedo"] > 0
+    return RegionPixels(tuple(products), seen=tuple(seen), **{name: each[mapped] for name, each in columns.items()})
+
+
+def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: float) -> dict[str, NDArray]:
+    """Fields of `RegionPixels` for the pixels in `table`."""
+    names = ("image", "incidence", "emission", "phase", "latitude", "longitude")
+    value, incidence, emission, phase, latitude, longitude = (table[name].to_numpy(np.float64) for name in names)
+    albedo = np.ones_like(value)
+    if albedo_map:
+        albedo = _map_as_coarse_as_pixels(source).sample(latitude, longitude).astype(np.float64)
+    return {
+        "value": value - sky_level(source),
+        "mu0": np.cos(np.radians(incidence)),
+        "mu": np.cos(np.radians(emission)),
+        "phase_deg": phase,
+        "albedo": albedo,
+        "tile": _tiles(latitude, longitude, tile_deg),
+    }
 
 
 def _tiles(latitude: Array, longitude: Array, tile_deg: float) -> NDArray[np.intp]:

@@ -36,6 +36,7 @@ KINDS = (
 MARGIN = 0.06
 HIGH_PERCENTILE = 97.0  # resolution and uncertainty grow without bound towards limb and poles
 LARGEST_PX = 360
+Extent = tuple[float, float, float, float]
 
 
 def planes_figure(folder: Path) -> "Figure":
@@ -63,12 +64,12 @@ def _around_the_body(cube: "xr.Dataset") -> dict[str, slice]:
     return {dimension: slice(low, high, stride) for dimension, (low, high) in chosen.items()}
 
 
-def _extent(part: "xr.Dataset") -> tuple[float, float, float, float]:
+def _extent(part: "xr.Dataset") -> Extent:
     x, y = part["x"].values, part["y"].values
     return float(x[0]) - 0.5, float(x[-1]) + 0.5, float(y[-1]) + 0.5, float(y[0]) - 0.5
 
 
-def _draw(panel: "Axes", values: NDArray, extent: tuple[float, ...], label: str, colours: str) -> None:
+def _draw(panel: "Axes", values: NDArray, extent: Extent, label: str, colours: str) -> None:
     finite = values[np.isfinite(values)]
     limits: dict[str, Any] = {}
     if finite.size:
@@ -80,7 +81,7 @@ def _draw(panel: "Axes", values: NDArray, extent: tuple[float, ...], label: str,
     panel.tick_params(labelsize=7)
 
 
-def _draw_flags(panel: "Axes", quality: NDArray, extent: tuple[float, ...]) -> None:
+def _draw_flags(panel: "Axes", quality: NDArray, extent: Extent) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Patch
 
