@@ -3,6 +3,8 @@
 PYTHON ?= python3
 BIN := .venv/bin
 INSTALLED := .venv/installed
+# Two processes, each file of tests in one of them; make test PYTEST_ARGS= for a single process.
+PYTEST_ARGS ?= -n 2 --dist loadfile
 
 .PHONY: demo test install clean
 
@@ -13,7 +15,7 @@ test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest
+	$(BIN)/pytest $(PYTEST_ARGS)
 
 install: $(INSTALLED)
 

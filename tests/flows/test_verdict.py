@@ -1,0 +1,49 @@
+"""The reason that a failed image is given."""
+
+import numpy as np
+import pytest
+
+from catalog.errors import FailedError, PlanetposeError, RefusedError
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg
+from flows.profile import AcceptSettings
+from flows.verdict import believe, explained
+
+POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
+LIMB = {"rms_px": None, "points": 3, "tried": 40, "likeness": 0.95}
+
+
+def turned(degrees: float) -> Pose:
+    """The camera turned away from the target."""
+    return POSE.replaced(camera_from_j2000=rotation_from_vector_deg([degrees, 0, 0]))
+
+
+@pytest.mark.parametrize("kind", [RefusedError, FailedError])
+def test_a_failure_with_the_target_behind_the_camera_has_that_as_its_reason(kind: type[PlanetposeError]) -> None:
+    error = explained(kind("target-not-found", "nothing looks like it.", "Check."), turned(170).to_dict())
+    print(error.reason)
+    assert type(error) is kind
+    assert error.code == "target-behind-camera"
+    assert "170 deg from its boresight" in error.reason
+    assert "nothing looks like it" in error.reason
+    assert "camera_from_j2000" in error.reason
+    assert "sign of target_from_spacecraft_km" in error.reason
+
+
+@pytest.mark.parametrize("degrees", [0, 3, 89])
+def test_a_failure_with_the_target_in_front_keeps_its_reason(degrees: float) -> None:
+    error = FailedError("did-not-converge", "it did not.", "Check.")
+    assert explained(error, turned(degrees).to_dict()) is error
+
+
+@pytest.mark.parametrize("code", ["target-behind-camera", "interrupted"])
+def test_what_says_more_than_the_side_of_the_camera_is_kept(code: str) -> None:
+    error = FailedError(code, "so it is.", "Check.")
+    assert explained(error, turned(170).to_dict()) is error
+
+
+def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
+    for tried, words in ((40, "only 3 segments of the lit limb"), (0, "lit limb is nowhere on usable pixels")):
+        with pytest.raises(FailedError, match=words) as failure:
+            believe(AcceptSettings(), {"limb": LIMB | {"tried": tried}})
+        assert failure.value.code == "limb-not-measured"
