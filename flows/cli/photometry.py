@@ -34,7 +34,9 @@ def photometry(
     ] = 5.0,
     units_per_if: Annotated[
         float | None,
-        typer.Option(min=0, help="Hapke: image units per I/F; without it w comes from the brightness' shape alone."),
+        typer.Option(
+            min=1e-12, help="Hapke: image units per I/F; without it w comes from the brightness' shape alone."
+        ),
     ] = None,
     albedo_map: Annotated[
         bool, typer.Option("--albedo-map", help="Divide out the base map that the products were made with.")

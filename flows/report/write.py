@@ -19,6 +19,7 @@ INDEX_PAGE, TABLE = "index.html", "images.csv"
 PAGES, PICTURES, FIGURES = "images", "pictures", "figures"
 KINDS = ("overlay", "residual", "planes", "limb")
 USUAL = ("overlay", "residual", "planes")
+KEPT = ("residual", "planes")  # slow to draw: pictures younger than their product are not drawn again
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,8 @@ def _drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
     from tasks.publish.names import OVERLAY
 
     path = pictures / f"{product}-{kind}.png"
+    if kind in KEPT and path.is_file() and path.stat().st_mtime > last_change(folder):
+        return [path]
     if kind == "overlay":
         copyfile(folder / OVERLAY, path)
         return [path]
@@ -100,6 +103,14 @@ def _drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
         figure = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
         figure.savefig(path, format="png")
     return [path]
+
+
+def last_change(folder: Path) -> float:
+    """When a product was published, seconds since 1970."""
+    from tasks.publish.names import CUBE, RESULT
+
+    parts = (folder, folder / RESULT, folder / CUBE / "zarr.json")
+    return max(part.stat().st_mtime for part in parts if part.exists())
 
 
 CAPTIONS = {

@@ -1,6 +1,7 @@
 """The report of a store: whole without the store, without a network, and in a browser."""
 
 import json
+import os
 import shutil
 import sys
 from html.parser import HTMLParser
@@ -12,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from browser import Page, browser_page, find_browser
 
-from flows.report.write import Report, write_report
+from flows.report.write import Report, last_change, write_report
 
 DAMAGED, FINE, DOUBTFUL = "BROKEN", "PHASE_012.0", "PHASE_070.0"
 REASON = "<b>limb</b> & similarity disagree"
@@ -98,6 +99,13 @@ def test_pictures_that_cannot_be_drawn_are_explained_and_the_others_are_there(re
         assert {f"{product}-{kind}.png" for kind in ("small", "overlay", "residual", "planes")} <= set(drawn)
     assert not any(DAMAGED in name for name in drawn)
     assert report.missing == {}
+
+
+def test_a_product_is_as_young_as_its_youngest_part(tmp_path: Path) -> None:
+    (tmp_path / "result.json").write_text("{}")
+    published = last_change(tmp_path)
+    os.utime(tmp_path / "result.json", (published + 100, published + 100))
+    assert last_change(tmp_path) == published + 100
 
 
 BROKEN_PICTURES = """Promise.all([...document.images].map(async image => {
