@@ -16,17 +16,13 @@ from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import find_profile
+from flows.result import EMPTY
 from tasks.point.rotation import pose_moved_by
 
 pytestmark = pytest.mark.real
 
 EUROPA = "galileo/C0552809300R.IMG"
-KEYS = [
-    "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "centre_px", "offset_px",
-    "range_factor", "attitude_deg", "roll_deg", "uncertainty", "settled", "limb_rms_px", "limb_points", "similarity",
-    "pose", "cube",
-    "overlay", "seconds", "cached",
-]  # fmt: skip
+KEYS = list(EMPTY)  # which ones these are, tests/flows/test_cli.py holds
 PLANTED = {"offset_px": (23.4, -31.7), "range_factor": 1.004, "attitude_deg": (0.5, -0.4, 0.6)}
 MINIMAL_CAMERA = """name = "my-ssi"
 size_px = [800, 800]
