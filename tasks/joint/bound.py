@@ -12,7 +12,7 @@ from tasks.joint.fit import solve
 from tasks.joint.model import linear_model
 from tasks.joint.parameters import GROUPS, NAMES, State
 from tasks.joint.settings import JointSettings
-from tasks.joint.solve import first_weights, linear_problem
+from tasks.joint.solve import first_weights, linear_problem, tiles_at
 from tasks.joint.tiles import LOCAL, layout_for
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -28,7 +28,8 @@ def cramer_rao(
         held[list(GROUPS[group])] = True
     data = Data(observation, framed_window(scene, truth.pose))
     layout = layout_for(disk_radius_px(truth.pose, scene.camera, scene.target), settings.tiles)
-    model = linear_model(scene, truth, data.window, layout, settings)
+    tiles = tiles_at(truth, scene, data.window, layout)
+    model = linear_model(scene, truth, data.window, tiles, settings)
     weights = first_weights(model, data, settings)
     moving = model.derivatives(weights, np.zeros_like(data.image))
     moving[held] = 0

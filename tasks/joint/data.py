@@ -35,3 +35,8 @@ class Data:
         """Of the noise (ny, nx)."""
         noise = self.window.crop(self.observation.noise, fill=1)
         return np.asarray(noise**2, np.float32)
+
+    @cached_property
+    def bright(self) -> float:
+        """Level of the bright parts of the picture."""
+        return max(float(np.percentile(self.image[self.usable], 99)), 1e-6) if self.usable.any() else 1.0

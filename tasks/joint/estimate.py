@@ -49,6 +49,7 @@ def find_pose_jointly(
     scene: Scene,
     settings: JointSettings,
     progress: Progress | None = None,
+    distortion_px: float = 0.0,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
@@ -62,7 +63,7 @@ def find_pose_jointly(
     if is_uniform(scene):
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
-    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress)
+    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion_px)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
@@ -100,6 +101,7 @@ def estimated(
     scene: Scene,
     settings: JointSettings,
     progress: Progress | None = None,
+    distortion_px: float = 0.0,
 ) -> Estimate:
     """Solve with the range free, then weigh it against its prior (one step of a Kalman filter)."""
     free_range = sigmas.copy()
@@ -109,7 +111,7 @@ def estimated(
     free = solve_joint(observation, near.state, metadata, scene, fine, free_range, progress, warm=near)
     radius = disk_radius_px(free.state.pose, scene.camera, scene.target)
     shown = covariance(free.problem, free.fit)
-    errors = shown + systematic(settings.systematic, radius)
+    errors = shown + systematic(settings.systematic, radius, distortion_px)
     errors[free.held, :] = errors[:, free.held] = 0
     prior = sigmas[RANGE]
     if free.held[RANGE] or not np.isfinite(prior):

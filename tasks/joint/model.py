@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State
 from tasks.joint.settings import JointSettings
 from tasks.joint.surface import FineSurface, fine_surface
-from tasks.joint.tiles import Layout, Tiles, tiles_of
+from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
 from tasks.simulate.photometry import Law, laws
 from tasks.simulate.scene import detect
@@ -44,15 +44,24 @@ class Model:
     mu0: Image
     centre_px: NDArray[np.float64]
     tiles: Tiles
-    layout: Layout
+    wings_px: tuple[float, ...]
 
     def brightness(self, weights: NDArray) -> Image:
         """The disk without gains and background, by the bases' weights (k,)."""
         return np.tensordot(np.asarray(weights, np.float32), self.bases, 1)
 
-    def columns(self) -> Image:
-        """Images of the linear unknowns (k + b, ny, nx)."""
-        return np.concatenate([self.bases, self.background])
+    def columns(self, weights: NDArray) -> Image:
+        """Images of the linear unknowns (k + w + b, ny, nx): bases, what light scattered widely adds to the disk of the
+        bases' weights (k,), background."""
+        return np.concatenate([self.bases, self.scattered(weights), self.background])
+
+    def scattered(self, weights: NDArray) -> Image:
+        """The disk blurred widely less the disk (w, ny, nx), one for each width of `wings_px`."""
+        import cv2
+
+        bright = self.brightness(weights)
+        wide = [cv2.GaussianBlur(bright, (0, 0), width, borderType=cv2.BORDER_REPLICATE) for width in self.wings_px]
+        return np.array([image - bright for image in wide], np.float32).reshape(-1, *bright.shape)
 
     def local(self, weights: NDArray) -> Image:
         """Images of a tile's unknowns (3, ny, nx): gain and its two slopes, at the bases' weights (k,)."""
@@ -96,7 +105,7 @@ def _weighted(images: list[Image], weights: NDArray) -> Image:
     return total
 
 
-def linear_model(scene: Scene, state: State, window: Window, layout: Layout, settings: JointSettings) -> Model:
+def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, settings: JointSettings) -> Model:
     """Find the surface at `state` and prepare everything that the linear fit and the derivatives need."""
     s = settings.oversample or scene.oversample_for(state.pose)
     surface = fine_surface(scene, state.pose, window, s)
@@ -122,8 +131,8 @@ def linear_model(scene: Scene, state: State, window: Window, layout: Layout, set
         coverage=detect(surface.cover, s, state.psf_sigma_px),
         mu0=detect(surface.mu0 * surface.cover, s, 0.0),
         centre_px=centre,
-        tiles=tiles_of(window.shape, centre, radius, layout),
-        layout=layout,
+        tiles=tiles,
+        wings_px=settings.wings_px,
     )
 
 

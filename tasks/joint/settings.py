@@ -13,7 +13,7 @@ class PriorSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     range_relative: float | None = Field(2e-4, gt=0)
-    roll_deg: float | None = Field(0.2, gt=0)
+    roll_deg: float | None = Field(0.1, gt=0)
     attitude_deg: float | None = Field(1.0, gt=0)
     psf_relative: float | None = Field(0.25, gt=0)
 
@@ -25,19 +25,21 @@ class SourcePriors(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     spice: PriorSettings = PriorSettings()
     label: PriorSettings = PriorSettings(range_relative=5e-4)
-    file: PriorSettings = PriorSettings(range_relative=0.02, roll_deg=0.3, attitude_deg=3.0)
+    file: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
 
 
 class SystematicSettings(BaseModel):
     """Errors of map, photometric laws, distortion and PSF that the scatter of the residuals does not show, 1-sigma:
     centre_px of the centre, limb_px of the radius, degrees of the target's attitude (how well maps agree) and of the
-    camera's roll. Measured on simulated images whose surface is not the estimator's."""
+    camera's roll. distortion_share: part of the distortion model's error that the disk's limb does not average out.
+    Measured on simulated images whose surface is not the estimator's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    centre_px: float = Field(0.02, ge=0)
+    centre_px: float = Field(0.03, ge=0)
     limb_px: float = Field(0.06, ge=0)
-    attitude_deg: float = Field(0.08, ge=0)
-    roll_deg: float = Field(0.1, ge=0)
+    attitude_deg: float = Field(0.15, ge=0)
+    roll_deg: float = Field(0.3, ge=0)
+    distortion_share: float = Field(0.4, ge=0)
 
 
 class TileSettings(BaseModel):
@@ -56,17 +58,22 @@ class TileSettings(BaseModel):
 
 class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
-    markings; they set the map's contrast. tiles: local errors of map and laws. background: sky level, or a plane.
-    hold: unknowns that stay as they are. edge_px: error of places in the image, at first and at most.
-    terminator: cosine of incidence below which the photometric laws are not trusted. second_start: solve again from
-    elsewhere, and doubt the result when it ends elsewhere."""
+    markings; they set the map's contrast. law_weight: how large, relative to the picture's brightness, a law's weight
+    is believed to be, so that they do not cancel each other. tiles: local errors of map and laws. wings_px: widths
+    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
+    background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
+    first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
+    solve again from elsewhere, and doubt the result when it ends elsewhere."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(
         ("lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half"), min_length=1
     )
     plain: tuple[Law, ...] = ("lambert", "lommel-seeliger")
+    law_weight: float = Field(3.0, gt=0)
     tiles: TileSettings = TileSettings()
+    wings_px: tuple[float, ...] = (3.0, 10.0)
+    wings_sigma: float = Field(0.1, gt=0)
     background: Literal["constant", "plane"] = "plane"
     hold: tuple[Group, ...] = ()
     priors: SourcePriors = SourcePriors()

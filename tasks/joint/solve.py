@@ -14,10 +14,10 @@ from tasks.joint.fit import Fit, Problem, solve
 from tasks.joint.model import Model, linear_model
 from tasks.joint.parameters import ATTITUDE, GROUPS, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
-from tasks.joint.tiles import LOCAL, layout_for
+from tasks.joint.tiles import LOCAL, Layout, Tiles, layout_for, tiles_of
 from tasks.joint.trust import Trust
 from tasks.simulate import Scene
-from tasks.simulate.window import disk_radius_px
+from tasks.simulate.window import Window, disk_radius_px
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -28,7 +28,9 @@ LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4}
 # In the order of the unknowns: steps that need not be taken, and that may be left when none lowers the cost.
 STILL = np.array([2e-3, 2e-3, 1e-5, 2e-3, 2e-3, 2e-3, 2e-3, 5e-3])
 LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
-SHARES = (1.0, 0.3, 0.1)
+SHARES = (1.0, 0.3, 0.1, 0.03)
+# Tiles lie still while the disk moves under them by no more: the cost would jump where pixels change tiles.
+STALE_PX = 0.7
 
 
 @dataclass(frozen=True)
@@ -69,16 +71,18 @@ def solve_joint(
     window = framed_window(scene, start.pose)
     data = Data(observation, window)
     radius = disk_radius_px(start.pose, camera, scene.target)
-    layout = warm.model.layout if warm else layout_for(radius, settings.tiles)
-    model = linear_model(scene, start, window, layout, settings)
-    weights = first_weights(model, data, settings)
-    linear: Fit | None = None
-    history: list[Array] = []
+    layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
+    model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings)
     trust = warm.trust if warm else Trust.at_first(model, settings)
+    weights = first_weights(model, data, settings)
+    linear = solve(
+        linear_problem(model, data, weights, trust.tiles, settings), trust.weight(model, data, weights, settings)
+    )
+    weights = linear.values[: len(model.bases)]
+    history: list[Array] = []
     while True:
         weight = trust.weight(model, data, weights, settings)
-        gain = np.zeros_like(data.image) if linear is None else linear.gain
-        moving = model.derivatives(weights, gain)
+        moving = model.derivatives(weights, linear.gain)
         moving[held] = 0
         done = difference(model.state, metadata, camera)
         problem = linear_problem(model, data, weights, trust.tiles, settings)
@@ -88,7 +92,7 @@ def solve_joint(
             prior=np.concatenate([problem.prior, np.where(held, 1e30, 1 / sigmas**2)]),
             expected=np.concatenate([problem.expected, np.where(held | ~np.isfinite(sigmas), 0, -done)]),
         )
-        fit = solve(problem, weight, None if linear is None else linear.residual)
+        fit = solve(problem, weight, linear.residual)
         step = limited(fit.values[-len(NAMES) :] * ~held, scene, model.state)
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         if progress:
@@ -99,22 +103,34 @@ def solve_joint(
         line = Line(data, weight, trust.tiles, metadata, sigmas, held, scene, settings)
         found = line.lower(model, step, fit)
         if found is None:
-            # A minimum, as far as the sampling of the simulation can tell.
-            converged = bool((np.abs(step) < np.maximum(error, LOOSE)).all())
+            # Not even the smallest share lowered the cost: a minimum, as far as the sampling can tell.
+            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, LOOSE)).all())
             break
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
         history.append(taken)
         trust = trust.learned(model, data, weights, linear, settings)
+        fresh = tiles_at(model.state, scene, window, layout)
+        if fresh.away_px(model.tiles) > STALE_PX:
+            model = replace(model, tiles=fresh)
     return Solution(model.state, fit, problem, model, held, history, converged, trust)
+
+
+def tiles_at(state: State, scene: Scene, window: Window, layout: Layout) -> Tiles:
+    """Tiles about the disk at `state`."""
+    centre = scene.camera.project(state.pose.target_in_camera_km) - (window.x0, window.y0)
+    return tiles_of(window.shape, centre, disk_radius_px(state.pose, scene.camera, scene.target), layout)
 
 
 def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array, settings: JointSettings) -> Problem:
     """The problem of the linear unknowns alone."""
-    columns = model.columns()
-    nothing = np.zeros(len(columns))
+    columns = model.columns(weights)
+    prior = np.zeros(len(columns))
+    laws = len(model.bases)
+    prior[:laws] = (settings.law_weight * data.bright) ** -2
+    prior[laws : laws + len(settings.wings_px)] = settings.wings_sigma**-2
     return Problem(
-        data.image, columns, model.local(weights), model.tiles, nothing, nothing, local_prior, settings.huber
+        data.image, columns, model.local(weights), model.tiles, prior, np.zeros_like(prior), local_prior, settings.huber
     )
 
 
@@ -137,7 +153,7 @@ class Line:
         before, _ = self.cost(model, weights, fit)
         for share in SHARES:
             state = model.state.moved(share * step, self.scene.camera)
-            moved = linear_model(self.scene, state, model.window, model.layout, self.settings)
+            moved = linear_model(self.scene, state, model.window, model.tiles, self.settings)
             after, linear = self.cost(moved, weights, fit)
             if after < before:
                 return moved, linear, share * step
@@ -163,13 +179,12 @@ def told(step: Array) -> str:
 
 def first_weights(model: Model, data: Data, settings: JointSettings) -> Array:
     """Weights of the bases before anything is known of the noise. Raises FailedError when too little is usable."""
-    bright = np.percentile(data.image[data.usable], 95) if data.usable.any() else 1.0
-    weight = np.where(data.usable, 1 / np.maximum(data.variance + (0.05 * bright) ** 2, 1e-12), 0).astype(np.float32)
+    weight = np.where(data.usable, 1 / np.maximum(data.variance + (0.05 * data.bright) ** 2, 1e-12), 0)
     if np.count_nonzero(weight) <= 2 * len(model.bases):
         raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
-    even = np.full(len(model.bases), bright / len(model.bases))
+    even = np.full(len(model.bases), data.bright / len(model.bases))
     problem = linear_problem(model, data, even, np.full((model.tiles.count, LOCAL), 1e18), settings)
-    return solve(problem, weight).values[: len(model.bases)]
+    return solve(problem, weight.astype(np.float32)).values[: len(model.bases)]
 
 
 def limited(step: Array, scene: Scene, state: State) -> Array:

