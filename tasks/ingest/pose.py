@@ -1,7 +1,8 @@
 """The pose that the metadata claim, each part from the best source that knows it: pose file, SPICE, label.
 
 One exception: an orientation that was built from a label's scalars (centre line and sample, north azimuth) only means
-something together with the label's own distance and sub-spacecraft point, so then every part but the Sun is the label's.
+something together with the label's own distance and sub-spacecraft point, so then every part but the Sun is
+the label's.
 """
 
 from collections.abc import Iterable
