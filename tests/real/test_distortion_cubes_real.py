@@ -10,6 +10,7 @@ import pytest
 import spiceypy
 import xarray as xr
 from numpy.typing import NDArray
+from real_bench import shorter
 from scipy.ndimage import map_coordinates
 
 from catalog.camera import camera_from_dict
@@ -19,7 +20,6 @@ from catalog.readers import read_frame
 from catalog.rotation import nearest_rotation
 from catalog.target import Target
 from flows.correct import one_result
-from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request
 from tasks.project.planes import project_planes
@@ -44,7 +44,7 @@ def results(data_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict
     matrix = nearest_rotation(np.array(IO_CAMERA_FROM_B1950)) @ spiceypy.pxform("J2000", "B1950", 0.0)
     pose_file = folder / "io.json"
     pose_file.write_text(json.dumps({"camera_from_j2000": nearest_rotation(matrix).tolist()}))
-    profile = find_profile("standard")
+    profile = shorter(2)
     measured = profile.undistort.model_copy(update={"marks": "auto", "space": "sensor"})
     io = {"target": "io", "pose_file": pose_file}
     requests = {
