@@ -60,13 +60,6 @@ def work_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return log
 
 
-def done(log: Path) -> list[str]:
-    """Names of the steps that worked, in order; the log is emptied."""
-    names = log.read_text().split()
-    log.write_text("")
-    return names
-
-
 @pytest.fixture
 def plain_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """No kernels, an own cache and store."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import done
+from fake_steps import done
 
 from flows.chain import Chain
 from flows.progress import Silent

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import done
+from fake_steps import done
 
 from tasks import step as step_module
 from tasks.record import RECORD_FILE, read_record
