@@ -14,6 +14,9 @@ def register(app: typer.Typer) -> None:
 def evaluate(
     folder: Annotated[Path, typer.Argument(help="Folder that `planetpose simulate` wrote.", show_default=False)],
     profile: Annotated[list[str] | None, typer.Option(help="Name or FILE.toml; repeat to compare several.")] = None,
+    ablation: Annotated[
+        bool, typer.Option("--ablation", help="Profiles paper and joint, and joint with one part left out each.")
+    ] = False,
     out: Annotated[Path, typer.Option(help="Folder for products, evaluate.json and evaluate.csv.")] = Path(
         "out/evaluate"
     ),
@@ -28,13 +31,15 @@ def evaluate(
     import sys
     from json import dumps
 
+    from flows.ablation import ablation as ablated
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
     from flows.evaluate import evaluate_archive
     from flows.evaluate_summary import summary_of
     from flows.evaluate_table import evaluation_table, write_csv
 
-    profiles = [usable_profile(name, None) for name in profile or ["standard"]]
+    named = profile or ([] if ablation else ["standard"])
+    profiles = [*(usable_profile(name, None) for name in named), *(ablated() if ablation else [])]
     if len({each.name for each in profiles}) < len(profiles):
         raise typer.BadParameter("two profiles have one name", param_hint="--profile")
 
