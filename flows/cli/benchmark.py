@@ -23,7 +23,7 @@ def projection(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
     peers: Annotated[
-        bool, typer.Option("--peers", help="rms-oops and PlanetMapper too (pip install planetpose[benchmark]).")
+        bool, typer.Option("--peers", help="rms-oops and PlanetMapper too (pip install planetpose\\[benchmark]).")
     ] = False,
 ) -> None:
     """Time five planes of a frame against plain numpy and a SPICE loop, and compare the angles."""

@@ -65,6 +65,9 @@ def products_in(path: Path) -> list[Path]:
 def product_faults(folder: Path) -> list[Fault]:
     """Everything that is wrong with the product in `folder`; empty when it is sound."""
     faults = [Fault("file", text) for text in checksum_faults(folder)]
+    if not (folder / CUBE).is_dir():  # one fault, not one for every file that was in it
+        others = [fault for fault in faults if not fault.text.startswith(f"{CUBE}/")]
+        return [Fault("file", f"{CUBE} is missing"), *others]
     faults += [Fault("file", text) for text in _paper_faults(folder)]
     try:
         with open_cube(folder / CUBE) as lazy:

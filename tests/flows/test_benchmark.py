@@ -51,3 +51,12 @@ def test_peers_are_compared_and_those_that_are_not_installed_are_null(monkeypatc
     assert figures["one"]["max_difference_deg"] == pytest.approx(1e-5)
     assert figures["one"]["off_limb_difference_deg"] == pytest.approx(1e-5)
     assert figures["one"]["pixels_seen_by_one_only"] == 0
+
+
+def test_help_says_what_to_install_for_the_peers():
+    from typer.testing import CliRunner
+
+    from flows.cli import build_app
+
+    help_text = CliRunner().invoke(build_app(), ["benchmark", "projection", "--help"]).output
+    assert "planetpose[benchmark]" in help_text

@@ -1,6 +1,7 @@
 """The commands on stores, as they are typed: what they print, and their exit status."""
 
 import json
+import shutil
 
 import pytest
 import typer
@@ -62,3 +63,7 @@ def test_check_prints_one_line_per_fault_and_its_status_tells_soundness(store, r
     status, lines = run("check", store, "--json")
     assert status == 1
     assert json.loads(lines[0])["faults"] == [{"kind": "file", "fault": "overlay.png is missing"}]
+    shutil.rmtree(store / "C0001" / "cube.zarr")
+    assert run("check", store)[1][:-1] == [
+        f"{store}/C0001: file: {name} is missing" for name in ("cube.zarr", "overlay.png")
+    ]

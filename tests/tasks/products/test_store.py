@@ -192,7 +192,7 @@ DAMAGES = {
         "cube.zarr/zarr.json has changed",
         "provenance lacks image, kernels",
     ),
-    "no cube": (lambda f: shutil.rmtree(f / "cube.zarr"), "cube.zarr/zarr.json is missing", "cube.zarr cannot be read"),
+    "no cube": (lambda f: shutil.rmtree(f / "cube.zarr"), "cube.zarr is missing", "cube.zarr is missing"),
     "broken result": (
         lambda f: (f / "result.json").write_text("{"),
         "result.json has changed",
