@@ -78,5 +78,5 @@ def environment() -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["figure_number"] = lambda value: f"{value:.4g}"
+    made.filters["figure_number"] = lambda value, digits: f"{value:.{digits}g}"
     return made

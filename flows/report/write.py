@@ -154,6 +154,12 @@ def _distributions(index: "pd.DataFrame", folder: Path) -> list[dict[str, Any]]:
             figure.savefig(path, format="png")
         rows = told(readable, quantity)
         made.append(
-            {"file": f"{FIGURES}/{path.name}", "label": quantity.label, "meaning": quantity.meaning, "rows": rows}
+            {
+                "file": f"{FIGURES}/{path.name}",
+                "label": quantity.label,
+                "meaning": quantity.meaning,
+                "rows": rows,
+                "digits": quantity.digits,
+            }
         )
     return made

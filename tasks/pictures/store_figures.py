@@ -28,6 +28,7 @@ class Quantity:
     columns: tuple[str, ...]
     meaning: str
     log: bool = False
+    digits: int = 4  # significant, in tables
 
     def values(self, index: "pd.DataFrame") -> np.ndarray:
         """One number per row, NaN where unknown."""
@@ -37,7 +38,7 @@ class Quantity:
 
 QUANTITIES = (
     Quantity("offset", "offset, px", ("offset_x_px", "offset_y_px"), "from predicted to corrected place", True),
-    Quantity("range_factor", "range factor", ("range_factor",), "corrected by predicted distance"),
+    Quantity("range_factor", "range factor", ("range_factor",), "corrected by predicted distance", digits=6),
     Quantity("limb_rms", "limb rms, px", ("limb_rms_px",), "shifts between image and simulation on the lit limb", True),
     Quantity("sigma", "1-sigma of the centre, px", ("centre_x_uncertainty_px", "centre_y_uncertainty_px"),
              "stated uncertainty of the target's centre", True),

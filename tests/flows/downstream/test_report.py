@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from browser import Page, browser_page, find_browser
 
 from flows.report.write import Report, last_change, write_report
+from tasks.pictures.store_figures import QUANTITIES
 
 DAMAGED, FINE, DOUBTFUL = "BROKEN", "PHASE_012.0", "PHASE_070.0"
 REASON = "<b>limb</b> & similarity disagree"
@@ -74,6 +75,13 @@ def test_every_image_has_a_page_and_every_link_is_relative_and_leads_somewhere(r
             parts = urlparse(target)
             assert (parts.scheme, parts.netloc, target[0] == "/") == ("", "", False), target
             assert (path.parent / unquote(parts.path)).is_file(), f"{path.name}: {target}"
+
+
+def test_a_range_factor_is_told_to_its_sixth_digit() -> None:
+    from flows.report.page import environment
+
+    digits = {quantity.name: quantity.digits for quantity in QUANTITIES}
+    assert environment().filters["figure_number"](1.000307, digits["range_factor"]) == "1.00031"
 
 
 def test_pages_know_no_machine_path(report) -> None:
