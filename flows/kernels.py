@@ -1,7 +1,7 @@
 """Kernels of a product or of a whole store: one set per mission."""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,20 @@ from tasks.publish.check import products_in
 
 
 def kernels_of(
-    paths: Sequence[Path], folder: Path, kernels: Sequence[Path], per_image: bool = False, check: bool = True
+    paths: Sequence[Path],
+    folder: Path,
+    kernels: Sequence[Path],
+    per_image: bool = False,
+    check: bool = True,
+    refused: Callable[[Path, RefusedError], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Write kernel sets of the products that `paths` (products or stores) hold into `folder`, and tell about each.
 
     One set per mission, or per image; with one product its own. check: compare each set with plain SPICE in a second
-    process. Raises RefusedError when a path holds no product, or a product no readable cube.
+    process. refused: called for a product without a readable cube, which is then left out; without it RefusedError is
+    raised. Raises RefusedError when a path holds no product.
     """
-    exposures = [read_exposure(product) for path in paths for product in products_in(path)]
+    exposures = _exposures([product for path in paths for product in products_in(path)], refused)
     _refuse_twins(exposures)
     sets = []
     with kernel_pool(kernels) as loaded:
@@ -29,6 +35,18 @@ def kernels_of(
             sets.append((write_kernel_set(name, members, folder, loaded), members))
         in_order = [kernel.path for kernel in loaded if kernel.kind != "meta"]
     return [told(kernel_set, members, in_order if check else None) for kernel_set, members in sets]
+
+
+def _exposures(products: Sequence[Path], refused: Callable[[Path, RefusedError], None] | None) -> list[Exposure]:
+    exposures = []
+    for product in products:
+        try:
+            exposures.append(read_exposure(product))
+        except RefusedError as error:
+            if refused is None:
+                raise
+            refused(product, error)
+    return exposures
 
 
 def _groups(exposures: Sequence[Exposure], per_image: bool) -> dict[str, list[Exposure]]:

@@ -25,13 +25,22 @@ def kernels(
     json: Annotated[bool, typer.Option("--json", help="One JSON object per set on stdout.")] = False,
 ) -> None:
     """Write corrected SPICE kernels: camera orientation, spacecraft position, target attitude, meta-kernels."""
+    import sys
+
+    from catalog.errors import RefusedError
     from catalog.settings import default_kernels
     from flows.cli.output import clean_stdout, write_json
     from flows.kernels import kernels_of
 
     given = [] if no_kernels else list(kernels) if kernels else default_kernels()
+    damaged: list[Path] = []
+
+    def refused(product: Path, error: RefusedError) -> None:
+        damaged.append(product)
+        print(f"{product.name}: left out: {error.reason}", file=sys.stderr)
+
     with clean_stdout() as answer:
-        for kernel_set in kernels_of(paths, out, given, per_image, check):
+        for kernel_set in kernels_of(paths, out, given, per_image, check, refused):
             if json:
                 write_json(answer, kernel_set)
                 continue
@@ -41,3 +50,4 @@ def kernels(
                 print(f"{path}: {len(kernel_set['products'])} images, {kind}{agrees}", file=answer)
             for note in kernel_set["left_out"]:
                 print(f"  {note['product']}: no {note['what']}: {note['why']}", file=answer)
+    sys.exit(1 if damaged else 0)

@@ -51,6 +51,17 @@ def test_the_command_writes_one_set_for_the_store_and_tells_the_round_trip(store
     )
 
 
+def test_a_damaged_product_is_left_out_and_told(store, tmp_path):
+    damaged = tmp_path / "C0003"
+    (damaged / "cube.zarr").mkdir(parents=True)
+    (damaged / "cube.zarr" / "zarr.json").write_text("{")
+    arguments = ["kernels", str(store), str(damaged), "--out", str(tmp_path / "out"), "--no-kernels", "--no-check"]
+    done = CliRunner().invoke(build_app(), arguments)
+    assert done.exit_code == 1
+    assert "C0003: left out: product-unreadable" in done.stderr
+    assert (tmp_path / "out" / "planetpose_test" / "planetpose_test_alone.tm").is_file()
+
+
 def test_what_is_told_of_a_set(store, tmp_path):
     (told,) = kernels_of([store], tmp_path, [])
     assert json.loads(json.dumps(told)) == told
