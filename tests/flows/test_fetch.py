@@ -163,7 +163,7 @@ def test_requests_to_one_host_are_spaced() -> None:
     for _ in range(4):
         rate.wait("http://one/x")
     rate.wait("http://two/x")
-    assert 0.14 <= time.monotonic() - started < 1.0
+    assert time.monotonic() - started >= 0.14
 
 
 def small_list(folder: Path, **changes: str) -> Path:
