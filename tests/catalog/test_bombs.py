@@ -19,7 +19,7 @@ from catalog.errors import RefusedError
 from catalog.readers import read_frame
 from catalog.readers.pds3_label import parse_label
 
-# A hang, not a speed: unbounded, these take minutes or for ever; a busy machine may need several times the usual second.
+# A hang, not a speed: unbounded, these take minutes or for ever; a busy machine needs several times the usual second.
 LONGEST_S = 30.0
 MOST_BYTES = 150_000_000
 PNG = b"\x89PNG\r\n\x1a\n"
