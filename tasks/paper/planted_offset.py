@@ -1,7 +1,6 @@
 """The paper's table 1: a known offset is planted, and every registration has to give it back."""
 
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 
@@ -13,7 +12,6 @@ from catalog.pose import Pose
 from tasks.correction import Correction
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.point import PointSettings, find_pointing
-from tasks.point.registration import REGISTRATIONS
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
 
@@ -70,8 +68,3 @@ def retrieve_offset(method: str) -> Retrieved:
     correction: Correction = find_pointing(world.observation, world.predicted, world.scene, settings)
     x, y = correction.changed["offset_px"]
     return Retrieved((x, y), correction.evidence["history_px"], time.perf_counter() - started)
-
-
-def retrieve_offsets(methods: Iterable[str] | None = None) -> dict[str, Retrieved]:
-    """`retrieve_offset` of each method (default: all that there are), by name."""
-    return {method: retrieve_offset(method) for method in (sorted(REGISTRATIONS) if methods is None else methods)}

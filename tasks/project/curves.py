@@ -68,11 +68,6 @@ def terminator(pose: Pose, camera: Camera, target: Target, n: int = 720) -> Curv
     return Curve("terminator", xy, points, visible(pose, target, points), np.ones(n, dtype=np.bool_))
 
 
-def terminator_points(pose: Pose, camera: Camera, target: Target, n: int = 720) -> Array:
-    """Pixels (n, 2) of the terminator, NaN where the far side hides it."""
-    return terminator(pose, camera, target, n).visible_xy_px
-
-
 def graticule(pose: Pose, camera: Camera, target: Target, step_deg: float = 30.0, n: int = 181) -> list[Curve]:
     """Parallels (equator first) and meridians every `step_deg`, named `latitude -30` or `longitude 120` (east)."""
     parallels = np.arange(0.0, 90.0 - 1e-6, step_deg)
