@@ -1,14 +1,17 @@
-"""planetpose server status|stop"""
+"""planetpose server status|start|stop|serve"""
+
+from typing import Annotated
 
 import typer
 
 
 def register(app: typer.Typer) -> None:
     """Add the command group."""
-    group = typer.Typer(help="The local Prefect server that commands share.", no_args_is_help=True)
+    group = typer.Typer(help="The local Prefect server that commands share, or one for workers.", no_args_is_help=True)
     group.command()(status)
     group.command()(start)
     group.command()(stop)
+    group.command()(serve)
     app.add_typer(group, name="server")
 
 
@@ -36,3 +39,16 @@ def stop() -> None:
     from flows.server import stop_server
 
     print("stopped" if stop_server() else "no local server ran")
+
+
+def serve(
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; another than this machine's own needs a password.")
+    ] = ("127.0.0.1"),
+    port: Annotated[int, typer.Option(min=1, max=65535)] = 4200,
+) -> None:
+    """Run a Prefect server for workers and schedules in the foreground; its database is the environment's
+    (PREFECT_SERVER_DATABASE_CONNECTION_URL), else SQLite in PREFECT_HOME."""
+    from flows.server_serve import serve as become_server
+
+    become_server(host, port)
