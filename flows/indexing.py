@@ -11,8 +11,12 @@ logger = logging.getLogger("planetpose")
 
 def note_in_index(store: Path, result: dict[str, Any]) -> None:
     """Bring the index of `store` up to date when `result` is of an image that was published just now."""
-    if result["status"] not in PUBLISHED or "publish" in result["cached"]:
-        return
+    if result["status"] in PUBLISHED and "publish" not in result["cached"]:
+        index_store(store)
+
+
+def index_store(store: Path) -> None:
+    """Bring the index of `store` up to date."""
     from tasks.publish.index import open_index
 
     try:

@@ -4,13 +4,13 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
 from catalog.basemap import packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
 from catalog.digest import sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
-from catalog.safe_name import safe_product_name
+from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
 from catalog.target import TARGET_FOLDER, Target
@@ -24,15 +24,21 @@ def _profile_by_name(profile: Any) -> Any:
 NamedProfile = Annotated[Profile, BeforeValidator(_profile_by_name, json_schema_input_type=Profile | str)]
 
 
+def _name_of_file(known: dict[str, Any]) -> str:
+    return safe_product_name(Path(known["image"]).stem)
+
+
 class Request(BaseModel):
-    """One image to correct. camera, target, pose_file, basemap: override what the file says or does not say; None asks
-    the file and the catalog. shape: model that the cube's planes are projected on. kernels: files, folders or
-    meta-kernels; None takes those of the environment. profile: its settings, or its name or file; what it holds stays.
-    start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are not used. resume: an
-    earlier result to start from, see `flows.guidance`."""
+    """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
+    target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog. shape:
+    model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
+    environment. profile: its settings, or its name or file; what it holds stays. start_offset_px: added to the
+    predicted centre beforehand. mask: file whose non-zero pixels are not used. resume: an earlier result to start
+    from, see `flows.guidance`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
+    product: str = Field(default_factory=_name_of_file)
     store: Path = Path("out")
     camera: str | None = None
     target: str | None = None
@@ -47,10 +53,12 @@ class Request(BaseModel):
     resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
 
-    @property
-    def product(self) -> str:
-        """Name of the product: the file's, without its suffix, as a name that is safe for a folder."""
-        return safe_product_name(self.image.stem)
+    @field_validator("product")
+    @classmethod
+    def _is_a_folder_name(cls, name: str) -> str:
+        if not is_safe_product_name(name):
+            raise ValueError(f"{name!r} is no name for a folder in a store; {safe_product_name(name)!r} would be")
+        return name
 
     @property
     def product_folder(self) -> Path:

@@ -18,7 +18,8 @@ LARGEST_FILE = 1024 * 1024
 LONGEST_MODULE = 300
 KNOWS_PREFECT = {"tasks/prefect_task.py"}
 KNOWS_ZARR = ("tasks/publish/", "tasks/stored.py")
-BOUNDARIES = {"flows/correct.py", "flows/run.py"}  # where one image's trouble must not stop the others
+# where one image's trouble must not stop the others
+BOUNDARIES = {"flows/correct.py", "flows/run.py", "flows/reprocessing/worker.py"}
 
 
 def name_of(path: Path) -> str:

@@ -1,0 +1,47 @@
+"""Reprocessing from a command line: Prefect is started only when there is something to do."""
+
+import logging
+from typing import Any
+
+from flows.prefect_settings import prepare
+from flows.progress import Reporter
+from flows.reprocessing.parameters import parameters_of
+from flows.reprocessing.run import begin, finish
+from flows.reprocessing.settings import Settings
+from flows.server import in_use, server_files
+
+Summary = dict[str, Any]
+logger = logging.getLogger("planetpose")
+
+
+def answer_without_work(settings: Settings) -> Summary | None:
+    """The run's summary if no image of the list has to be done, else None."""
+    run = begin(settings)
+    for plan in run.plans():
+        if plan.do:
+            return None
+        run.tally.add(plan.last, done=False)
+    return finish(run)
+
+
+def run_reprocess(settings: Settings, server: str, reporter: Reporter) -> Summary:
+    """Do what has to be done and return the run's summary. Raises RefusedError when list, profile or `only` are no
+    good, FailedError when the store cannot be written to, RuntimeError when Prefect ended the flow."""
+    answer = answer_without_work(settings)
+    if answer is not None:
+        return answer
+    prepare(server)
+    from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+
+    from flows.reprocess import TooManyFailedError, reprocess
+    from flows.reprocessing.image_task import told_to
+
+    # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
+    with in_use(server_files()), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}), told_to(reporter):
+        state = reprocess(**parameters_of(settings), return_state=True)
+    ended_with = state.result(raise_on_failure=False)
+    if isinstance(ended_with, TooManyFailedError):
+        return ended_with.summary
+    if isinstance(ended_with, dict):
+        return ended_with
+    raise RuntimeError(f"the flow ended {state.name}: {state.message}")

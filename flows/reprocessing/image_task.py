@@ -1,0 +1,63 @@
+"""The Prefect task: one image. It runs in a thread of the flow's process, or in a Dask worker anywhere."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Any
+
+from prefect import Task, task
+from prefect.cache_policies import NO_CACHE
+from prefect.client.schemas.objects import State
+from prefect.states import Completed, Failed
+
+from flows.progress import Reporter, Silent
+from flows.reprocessing.faults import PassingFaultError
+from flows.reprocessing.one_image import InterruptedRunError, Job, do_image
+from flows.reprocessing.settings import Limits
+from flows.reprocessing.workforce import workforce
+from flows.verdict import PUBLISHED
+
+_reporter: ContextVar[Reporter | None] = ContextVar("reporter", default=None)
+
+
+@contextmanager
+def told_to(reporter: Reporter) -> Iterator[None]:
+    """Within the `with` block, images that are done by this process report to `reporter`."""
+    token = _reporter.set(reporter)
+    try:
+        yield
+    finally:
+        _reporter.reset(token)
+
+
+def listener() -> Reporter:
+    """Who hears of progress."""
+    return _reporter.get() or Silent()
+
+
+def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
+    """Whether Prefect is to try an image again."""
+    return isinstance(state.data, PassingFaultError)
+
+
+@task(name="image", task_run_name="{product}", persist_result=False, cache_policy=NO_CACHE)
+def image(product: str, job: Job) -> State[None]:
+    """Correct one image in a process of this machine. Completed when it is published, else Failed; a fault that may be
+    gone the next time is raised as PassingFaultError."""
+    try:
+        outcome = do_image(job, workforce, listener())
+    except InterruptedRunError as error:
+        return Failed(message=f"{product}: {error.reason}")
+    except OSError as error:  # what it came to could not be written into the store
+        raise PassingFaultError(f"{product}: {error}") from error
+    if outcome.passing:
+        raise PassingFaultError(f"{product}: {outcome.reason}")
+    message = f"{product}: {outcome.status}" + (f": {outcome.reason}" if outcome.reason else "")
+    return Completed(message=message) if outcome.status in PUBLISHED else Failed(message=message)
+
+
+def image_task(limits: Limits) -> Task[..., Any]:
+    """The task with the retries that the limits allow."""
+    return image.with_options(
+        retries=limits.retries, retry_delay_seconds=limits.delays_s or 0, retry_condition_fn=may_pass
+    )

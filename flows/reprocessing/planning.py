@@ -1,0 +1,77 @@
+"""What has to be done for an image, and why."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.reprocessing.fingerprint import Fingerprint, differences, fingerprint_of, in_words
+from flows.reprocessing.outcomes import Outcome, read_outcome
+from flows.reprocessing.settings import Settings
+from flows.request import Request
+from flows.verdict import PUBLISHED
+from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
+from tasks.record import read_record
+
+
+@dataclass(frozen=True)
+class Plan:
+    """do: whether the image is to be done. why: the reason, for people. fingerprint: of all that it depends on now.
+    last: what is remembered of it."""
+
+    request: Request
+    do: bool
+    why: str
+    fingerprint: Fingerprint
+    last: Outcome | None = None
+
+
+def plan_of(request: Request, settings: Settings) -> Plan:
+    """Whether to do an image, and why."""
+    last = read_outcome(settings.books, request.product)
+    fingerprint = fingerprint_of(request)
+    reason = reason_to_do(request, settings, fingerprint, last)
+    why = reason or f"unchanged ({last.status})" if last else reason or "new"
+    return Plan(request, reason is not None, why, fingerprint, last)
+
+
+def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint, last: Outcome | None) -> str | None:
+    """Why an image has to be done; None when it has not."""
+    if last is None:
+        return "new"
+    changes = differences(last.fingerprint, fingerprint)
+    if changes:
+        return f"changed: {in_words(changes)}"
+    if settings.force:
+        return "forced"
+    if last.status in PUBLISHED:
+        return product_fault(request.product_folder, last, settings.verify)
+    if last.passing and last.tries < settings.limits.tries:
+        return f"{last.status} before, may pass ({last.code})"
+    return f"{last.status} before ({last.code})" if settings.again else None
+
+
+def product_fault(folder: Path, last: Outcome, verify: bool) -> str | None:
+    """What is wrong with a product that is remembered as published: it is gone, another one, or has lost files.
+    verify: also whether their content is what it was."""
+    if not folder.is_dir():
+        return "product is gone"
+    if last.key is None or read_record(folder, last.key) is None:
+        return "product is another one than remembered"
+    faults = checksum_faults(folder) if verify else missing_files(folder)
+    return f"product is damaged: {in_words(faults)}" if faults else None
+
+
+def missing_files(folder: Path) -> list[str]:
+    """Files of a product that are missing or empty."""
+    try:
+        names = read_checksums(folder)
+    except (OSError, ValueError) as error:
+        return [f"{CHECKSUMS} cannot be read: {error}"]
+    return [f"{name} is missing" for name in names if not has_content(folder / name)]
+
+
+def has_content(path: Path) -> bool:
+    """Whether a file is there and not empty."""
+    try:
+        return path.stat().st_size > 0
+    except OSError:
+        return False

@@ -1,0 +1,75 @@
+"""What Prefect is told about a run: artifacts for its pages, an event for its automations."""
+
+import base64
+import logging
+from typing import Any
+
+from flows.reprocessing.outcomes import Outcome, all_outcomes
+from flows.reprocessing.run import Run
+from flows.reprocessing.tally import STATUSES, in_words
+from flows.verdict import PUBLISHED
+
+Summary = dict[str, Any]
+FINISHED, TOO_MANY = "planetpose.reprocess.finished", "planetpose.reprocess.too-many-failed"
+LISTED, PICTURES, PICTURE_SIDE_PX = 500, 6, 480
+logger = logging.getLogger("planetpose")
+
+
+def publish_report(run: Run, summary: Summary) -> None:
+    """Make the artifacts and emit the events of a run."""
+    from prefect.artifacts import create_markdown_artifact, create_table_artifact
+    from prefect.events import emit_event
+
+    key = "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.settings.store.name.lower()).strip("-")
+    create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
+    create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
+    resource = {"prefect.resource.id": f"planetpose.store.{run.settings.store.name}"}
+    emit_event(FINISHED, resource, payload=summary)
+    if run.too_many_failed:
+        emit_event(TOO_MANY, resource, payload=summary)
+
+
+def table_of(run: Run) -> list[dict[str, Any]]:
+    """Counts per status and reason, then what was done in this run, what is not published first; no more than
+    `LISTED` images, the whole table is in the store."""
+    tally = run.tally
+    counts: list[dict[str, Any]] = [
+        {"product": f"({status})", "status": tally.status[status], "reason": ""} for status in STATUSES
+    ]
+    counts += [{"product": f"({code})", "status": count, "reason": ""} for code, count in tally.codes.most_common()]
+    done = [outcome for product in run.why if (outcome := run.outcome_of_this_run(product))][: 10 * LISTED]
+    done.sort(key=lambda outcome: (outcome.status in PUBLISHED, outcome.product))
+    names = ("product", "status", "reason", "seconds")
+    return counts + [{name: getattr(outcome, name) or "" for name in names} for outcome in done[:LISTED]]
+
+
+def pictures_of(run: Run) -> str:
+    """Overlays of a few images of the run, the worst limbs first, as markdown that needs no other file."""
+    published = [
+        outcome
+        for outcome in all_outcomes(run.settings.books)
+        if outcome.run == run.name and outcome.status in PUBLISHED
+    ]
+    published.sort(key=lambda outcome: -(outcome.limb_rms_px or 0.0))
+    shown = [picture for outcome in published[:PICTURES] if (picture := picture_of(run, outcome))]
+    return "\n\n".join(shown) or "No image was published in this run."
+
+
+def picture_of(run: Run, outcome: Outcome) -> str | None:
+    """A small overlay with its caption; None when there is none."""
+    import cv2
+
+    from tasks.publish.names import OVERLAY
+
+    overlay = cv2.imread(str(run.settings.store / outcome.product / OVERLAY))
+    if overlay is None:
+        return None
+    scale = PICTURE_SIDE_PX / max(overlay.shape[:2])
+    small = cv2.resize(overlay, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else overlay
+    encoded, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])
+    if not encoded:
+        return None
+    text = base64.b64encode(jpeg.tobytes()).decode()
+    rms = "unknown" if outcome.limb_rms_px is None else f"{outcome.limb_rms_px:.2f} px"
+    caption = f"**{outcome.product}**: {outcome.status}, limb rms {rms}"
+    return f"{caption}\n\n![{outcome.product}](data:image/jpeg;base64,{text})"

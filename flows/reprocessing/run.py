@@ -1,0 +1,128 @@
+"""A reprocessing run without the orchestration: its plan, what it leaves in the store. Nothing here knows Prefect."""
+
+import logging
+import time
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+from catalog.digest import digests_to_save, remember_digests
+from catalog.errors import FailedError
+from flows.indexing import index_store
+from flows.reprocessing.fingerprint import forget
+from flows.reprocessing.one_image import DIGESTS
+from flows.reprocessing.outcomes import Outcome, read_outcome
+from flows.reprocessing.planning import Plan, plan_of
+from flows.reprocessing.requests import requests_of
+from flows.reprocessing.settings import Settings
+from flows.reprocessing.sweep import prune, sweep
+from flows.reprocessing.tally import Tally, row_of, write_tables
+from flows.request import Request
+from tasks.atomic import file_put_in_place
+
+logger = logging.getLogger("planetpose")
+
+
+@dataclass
+class Run:
+    """One run. name: unique, sorts by time. why: of every image that was or would be done."""
+
+    settings: Settings
+    name: str
+    requests: list[Request]
+    tally: Tally
+    started: float = field(default_factory=time.time)
+    why: dict[str, str] = field(default_factory=dict)
+
+    def plans(self) -> Iterator[Plan]:
+        """The plan of every image, in the list's order, made when it is asked for."""
+        for request in self.requests:
+            plan = plan_of(request, self.settings)
+            if plan.do:
+                self.why[request.product] = plan.why
+            yield plan
+
+    def outcome_of_this_run(self, product: str) -> Outcome | None:
+        """What this run came to for a product; None when it was lost on the way."""
+        outcome = read_outcome(self.settings.books, product)
+        return outcome if outcome and outcome.run == self.name else None
+
+    @property
+    def too_many_failed(self) -> bool:
+        """Whether the alarm is to be raised."""
+        return self.tally.failed_percent > self.settings.most_failed_percent
+
+
+def begin(settings: Settings) -> Run:
+    """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of`, FailedError
+    when the store cannot be written to."""
+    forget()
+    remember_digests(settings.cache / DIGESTS)
+    requests = requests_of(settings)
+    try:
+        settings.books.mkdir(parents=True, exist_ok=True)
+        sweep(settings.store, settings.cache)
+    except OSError as error:
+        raise FailedError(
+            "store-unwritable", f"store {settings.store}: {error}.", "Check the disk and the folder's rights."
+        ) from error
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
+    return Run(settings, f"{stamp}-{uuid.uuid4().hex[:6]}", requests, Tally(len(requests)))
+
+
+def planned(settings: Settings) -> tuple[Run, list[Plan]]:
+    """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
+    forget()
+    remember_digests(settings.cache / DIGESTS)
+    requests = requests_of(settings)
+    run = Run(settings, "dry", requests, Tally(len(requests)))
+    return run, list(run.plans())
+
+
+def save_digests() -> None:
+    """Keep the digests of unchanged files for the next process."""
+    book = digests_to_save()
+    if book is None:
+        return
+    path, text = book
+    try:
+        with file_put_in_place(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    except OSError as error:  # then they are computed again
+        logger.warning("%s was not written: %s", path, error)
+
+
+def finish(run: Run) -> dict[str, Any]:
+    """Write the run's tables, bring the index up to date, prune the cache; returns the summary."""
+    settings = run.settings
+    save_digests()
+    index_store(settings.store)
+    freed = prune(settings.cache, settings.cache_limit_gb, settings.cache_days)
+    summary = {
+        "run": run.name,
+        "list": settings.images,
+        "store": str(settings.store),
+        "profile": settings.profile,
+        "workers": settings.at_a_time,
+        "started": datetime.fromtimestamp(run.started, UTC).isoformat(timespec="seconds"),
+        "wall_s": round(time.time() - run.started, 2),
+        **run.tally.summary(),
+        "too_many_failed": run.too_many_failed,
+        "cache_freed_mb": round(freed / 1e6, 1),
+    }
+    try:
+        summary["table"] = str(write_tables(settings, run.name, summary, rows_of(run)))
+    except OSError as error:
+        logger.error("the table of %s was not written: %s", settings.store, error)
+    return summary
+
+
+def rows_of(run: Run) -> Iterator[dict[str, Any]]:
+    """The table's lines, read from what is remembered."""
+    for request in run.requests:
+        product = request.product
+        done = product in run.why
+        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.settings.books, product)
+        yield row_of(product, outcome, done, run.why.get(product, "unchanged"))

@@ -1,0 +1,66 @@
+"""Clean-up: what killed processes left, and what the cache of steps need not keep."""
+
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.image import STEP_KINDS
+from flows.reprocessing.claims import sweep_claims
+from flows.reprocessing.outcomes import IMAGES
+from flows.reprocessing.settings import BOOKS
+from flows.reprocessing.tally import RUNS
+from tasks.atomic import sweep_temporaries
+from tasks.record import RECORD_FILE, size_bytes
+
+IN_USE_S = 6 * 3600.0  # steps younger than this may belong to an image at work somewhere
+
+
+def sweep(store: Path, cache: Path) -> None:
+    """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
+    books = store / BOOKS
+    for folder in (store, books, books / IMAGES, books / RUNS, cache):
+        if folder.is_dir():
+            sweep_temporaries(folder)
+    sweep_claims(store)
+    for kind in STEP_KINDS:
+        for folder in (cache / kind).glob("[0-9a-f][0-9a-f]"):
+            sweep_temporaries(folder)
+
+
+@dataclass(frozen=True)
+class CachedStep:
+    """One result in the cache. used: when it was written or last used (seconds since the epoch)."""
+
+    folder: Path
+    used: float
+
+
+def cached_steps(cache: Path) -> Iterator[CachedStep]:
+    """All results of steps in a cache."""
+    for kind in STEP_KINDS:
+        for record in (cache / kind).glob(f"[0-9a-f][0-9a-f]/[!.]*/{RECORD_FILE}"):
+            with suppress(OSError):
+                yield CachedStep(record.parent, record.stat().st_mtime)
+
+
+def prune(cache: Path, limit_gb: float | None = None, days: float | None = None, keep_s: float = IN_USE_S) -> int:
+    """Delete results that nobody used for `days`, then the longest unused until the rest is within `limit_gb`; none
+    that was used in the last `keep_s`. Products do not need them; a step that comes up again is done again. Returns
+    how many bytes were freed."""
+    if limit_gb is None and days is None:
+        return 0
+    now, freed = time.time(), 0
+    steps = sorted(cached_steps(cache), key=lambda step: step.used)
+    sizes = {step.folder: size_bytes(step.folder) for step in steps}
+    total = sum(sizes.values())
+    for step in steps:
+        age_s = now - step.used
+        old = days is not None and age_s > days * 86400
+        much = limit_gb is not None and total - freed > limit_gb * 1e9
+        if age_s > keep_s and (old or much):
+            shutil.rmtree(step.folder, ignore_errors=True)
+            freed += sizes[step.folder]
+    return freed
