@@ -25,7 +25,7 @@ from tasks.undistort.figures import (
 )
 from tasks.undistort.frame_map import uncertainty_plane
 from tasks.undistort.mark_set import MarkSet, marks_of_frame, marks_of_table
-from tasks.undistort.methods import BENDING, METHODS, fit_model
+from tasks.undistort.methods import BENDING, METHODS, OF_A_FRAME, fit_model
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES
 from tasks.undistort.polynomial import monomial_condition_number
@@ -70,7 +70,7 @@ def _of_marks(path: Path, frame: Frame, camera: Camera, seen: SeenMarks, out: Pa
     """The report for a raw frame with reseau marks."""
     marks = seen.marks
     mark_set, used = _mark_set(camera, seen)
-    methods = METHODS if seen.bending is not None and used == "found" else [m for m in METHODS if m != BENDING]
+    methods = METHODS if seen.bending is not None and used == "found" else [m for m in METHODS if m not in OF_A_FRAME]
     models = {method: fit_model(method, mark_set, bending=seen.bending) for method in methods}
     chosen = chosen_method(camera, UndistortSettings(), seen)
     report = {

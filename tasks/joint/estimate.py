@@ -13,7 +13,7 @@ from tasks.correction import Correction
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, solve_joint
-from tasks.joint.uncertainty import covariance, systematic, untold_directions
+from tasks.joint.uncertainty import DistortionError, bent, covariance, systematic, untold_directions
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -27,6 +27,7 @@ SECOND_START = (1.2, -0.9, 0.8, 0.3)
 # Sub-pixels per side while the solution is still on its way; then so many that the disk is this many across.
 COARSE, FINE_ACROSS, FINEST = 2, 900.0, 8
 CONFLICT_SIGMAS = 5.0
+EXACT = DistortionError()
 DISAGREEMENT_PX = 0.3
 
 
@@ -49,7 +50,7 @@ def find_pose_jointly(
     scene: Scene,
     settings: JointSettings,
     progress: Progress | None = None,
-    distortion_px: float = 0.0,
+    distortion: DistortionError = EXACT,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
@@ -63,7 +64,7 @@ def find_pose_jointly(
     if is_uniform(scene):
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
-    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion_px)
+    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
@@ -101,7 +102,7 @@ def estimated(
     scene: Scene,
     settings: JointSettings,
     progress: Progress | None = None,
-    distortion_px: float = 0.0,
+    distortion: DistortionError = EXACT,
 ) -> Estimate:
     """Solve with the range free, then weigh it against its prior (one step of a Kalman filter)."""
     free_range = sigmas.copy()
@@ -111,7 +112,8 @@ def estimated(
     free = solve_joint(observation, near.state, metadata, scene, fine, free_range, progress, warm=near)
     radius = disk_radius_px(free.state.pose, scene.camera, scene.target)
     shown = covariance(free.problem, free.fit)
-    errors = shown + systematic(settings.systematic, radius, distortion_px)
+    errors = shown + systematic(settings.systematic, radius, distortion.smooth_px)
+    errors += bent(free, distortion.bending)
     errors[free.held, :] = errors[:, free.held] = 0
     prior = sigmas[RANGE]
     if free.held[RANGE] or not np.isfinite(prior):

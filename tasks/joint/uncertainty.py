@@ -1,15 +1,16 @@
 """How sure the joint solution is: errors that neighbouring pixels share, what the priors hold, and what no residual
 shows."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.fit import Fit, Problem, scaled_inverse
+from tasks.joint.fit import Fit, Problem, scaled_inverse, solve
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
 from tasks.joint.settings import SystematicSettings
+from tasks.joint.solve import Solution
 
 Array = NDArray[np.float64]
 MOVING = len(NAMES)
@@ -42,6 +43,33 @@ def _scores(problem: Problem, fit: Fit) -> Array:
     scores = [np.add.reduceat((pull * column.ravel())[order].astype(np.float64), starts) for column in problem.columns]
     kept = np.array(scores).T
     return kept[np.any(kept != 0, axis=1)]
+
+
+@dataclass(frozen=True)
+class DistortionError:
+    """What is known of the distortion model's error. smooth_px: 1-sigma of a coordinate near the disk. bending: (2, ny,
+    nx) displacement of the frame's pixels by an error of 1-sigma that they all share, or None."""
+
+    smooth_px: float = 0.0
+    bending: NDArray[Any] | None = None
+
+
+def bent(solution: Solution, bending: NDArray[Any] | None) -> Array:
+    """Covariance (8, 8) that a displacement common to all pixels brings: the step that the solution would take if the
+    image were displaced so (a considered parameter; Bierman 1977, Factorization Methods, chapter VIII)."""
+    if bending is None:
+        return np.zeros((MOVING, MOVING))
+    problem, window = solution.problem, solution.model.window
+    bright = problem.image - solution.fit.residual
+    gradient_y, gradient_x = np.gradient(bright)
+    along_x, along_y = (window.crop(plane.astype(np.float32), fill=0) for plane in bending)
+    displaced = -(gradient_x * along_x + gradient_y * along_y)
+    displaced[solution.fit.weight <= 0] = 0
+    pulled = replace(
+        problem, image=displaced.astype(np.float32), expected=np.zeros_like(problem.expected), huber=np.inf
+    )
+    step = solve(pulled, solution.fit.weight).values[-MOVING:]
+    return np.outer(step, step)
 
 
 def systematic(settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0) -> Array:

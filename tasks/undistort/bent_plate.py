@@ -21,16 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BentModel:
-    """undistorted = smooth(raw) + px_per_dn * field(raw). `smooth_part` is an ordinary thin-plate model; spread: the
-    1-sigma of px_per_dn."""
+    """undistorted = smooth(raw) + px_per_dn * field(raw). spread: the 1-sigma of px_per_dn."""
 
     smooth_part: SmoothModel
     field: BendingField
     px_per_dn: float
     spread: float
     report: FitReport
+    name: str = "beam-bending"
 
-    name = "beam-bending"
     smooth = False
 
     @property
@@ -78,7 +77,7 @@ def fit_bent_plate(
 
     In other units it is taken only when it is `SIGNIFICANT` times its error. Raises RefusedError as `fit_thin_plate`.
     """
-    px_per_dn, spread = _with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
+    px_per_dn, spread = with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
     unbent = marks.object_xy - px_per_dn * field(marks.raw_xy)
     surface = SmoothSurface(
         marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
@@ -94,25 +93,29 @@ def coefficient_of_frame(
     (0, inf) for a frame without brightness."""
     values = np.hstack([marks.object_xy, field(marks.raw_xy)])
     both = SmoothSurface(marks.raw_xy, values, marks.sigma_px, marks.raw_size_px, degree, smoothing)
-    left_out = both.leave_one_out[marks.found]
-    return _coefficient(left_out[:, :2].ravel(), left_out[:, 2:].ravel())
+    left_out = (both.leave_one_out / marks.sigma_px[:, None])[marks.found]
+    return coefficient(left_out[:, :2].ravel(), left_out[:, 2:].ravel())
 
 
-def _coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
-    """Least squares of errors = k pulls with Huber's weights, and the error of k."""
+def coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
+    """Least squares of errors = k pulls with Huber's weights, and the error of k: from the scatter of all, or from
+    that of the few that say most (White 1980, Econometrica 48, 817), whichever is larger."""
     weight, k = np.ones_like(errors), 0.0
     for _ in range(ROBUST_STEPS):
         norm = float((weight * pulls * pulls).sum())
         if norm <= 0.0:
             return 0.0, float("inf")
         k = float((weight * errors * pulls).sum()) / norm
-        rest = np.abs(errors - k * pulls)
-        limit = ROBUST_LIMIT * 1.4826 * float(np.median(rest))
-        weight = limit / np.maximum(rest, max(limit, 1e-12))
-    return k, float(np.sqrt(np.average(rest**2, weights=weight) / norm))
+        rest = errors - k * pulls
+        limit = ROBUST_LIMIT * 1.4826 * float(np.median(np.abs(rest)))
+        weight = limit / np.maximum(np.abs(rest), max(limit, 1e-12))
+    alike = float(np.average(rest**2, weights=weight)) / norm
+    apart = float(((weight * pulls * rest) ** 2).sum()) / norm**2
+    return k, float(np.sqrt(max(alike, apart)))
 
 
-def _with_experience(k: float, spread: float, in_dn: bool) -> tuple[float, float]:
+def with_experience(k: float, spread: float, in_dn: bool) -> tuple[float, float]:
+    """A frame's own coefficient and its error, weighed together with what other frames gave."""
     if not in_dn:
         return (k, spread) if k > SIGNIFICANT * spread else (0.0, 0.0)
     ours, usual = 1.0 / spread**2, 1.0 / USUAL_SPREAD_PX_PER_DN**2

@@ -1,7 +1,7 @@
 """From camera file, settings and frame to a distortion model."""
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ from catalog.reseau.archive import is_archive_table, read_archive_marks
 from tasks.undistort.bending import BendingField
 from tasks.undistort.bent_plate import BentModel
 from tasks.undistort.mark_set import MarkSet, marks_of_frame, marks_of_table
-from tasks.undistort.methods import BENDING, METHODS, FittedModel, fit_model
+from tasks.undistort.methods import METHODS, OF_A_FRAME, FittedModel, fit_model
 from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES, optics_model
 from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
@@ -22,7 +22,7 @@ from tasks.undistort.turned import TurnedModel
 RESEAU = "reseau"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SeenMarks:
     """What a frame shows: its marks, and the bending of the beam that follows from its brightness."""
 
@@ -62,7 +62,7 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
     if settings.method == "camera" and method in settings.left_out:
         return "none"
     if method == RESEAU:
-        method = best_method(settings, seen)
+        method = best_method(camera, settings, seen)
     if method in METHODS and camera.distortion.model != RESEAU:
         raise RefusedError(
             "distortion-without-marks",
@@ -78,11 +78,24 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
     return method
 
 
-def best_method(settings: UndistortSettings, seen: SeenMarks | None) -> str:
-    """Name of the method for a reseau camera whose file leaves the choice open."""
+def best_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks | None) -> str:
+    """Name of the method for a reseau camera whose file leaves the choice open: the one that predicts this frame's
+    marks best when each is left out."""
     if seen is None or not uses_found_marks(settings, seen):
         return "thin-plate"
-    return settings.with_marks or (BENDING if seen.bending is not None else "thin-plate")
+    if settings.with_marks:
+        return settings.with_marks
+    if seen.bending is None:
+        return "thin-plate"
+    reports = {method: fitted_to_frame(method, seen, camera, settings.degree).report for method in OF_A_FRAME}
+    return min(reports, key=lambda method: reports[method].robust_leave_one_out_px)
+
+
+@lru_cache(maxsize=4)
+def fitted_to_frame(method: str, seen: SeenMarks, camera: Camera, degree: int | None) -> FittedModel:
+    """The method fitted to a frame's own marks; the last few are remembered. Raises RefusedError as `fit_model`."""
+    marks = marks_of_frame(seen.marks, camera.detector_size_px, camera.size_px)
+    return fit_model(method, marks, degree, seen.bending)
 
 
 def uses_found_marks(settings: UndistortSettings, seen: SeenMarks | None) -> bool:
@@ -103,8 +116,7 @@ def _fitted(
         counts = {"marks_found": seen.count, "marks_expected": len(seen.marks.found)}
         evidence |= counts | {"marks_by_state": seen.marks.counts()}
     if seen is not None and uses_found_marks(settings, seen):
-        marks = marks_of_frame(seen.marks, camera.detector_size_px, camera.size_px)
-        model = fit_model(method, marks, settings.degree, seen.bending)
+        model = fitted_to_frame(method, seen, camera, settings.degree)
         return model, {**evidence, "marks": "found", **_quality(model)}
     if settings.marks == "found":
         raise RefusedError(

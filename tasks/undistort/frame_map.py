@@ -49,6 +49,19 @@ def uncertainty_plane(model: DistortionModel) -> Plane:
     return np.asarray(cv2.remap(coarse, map_x, map_y, cv2.INTER_LINEAR), dtype=np.float32)
 
 
+def bending_error_planes(model: DistortionModel) -> Plane | None:
+    """Displacement (2, ny, nx), x and y in undistorted pixels, of each undistorted pixel if the beam is bent by 1-sigma
+    more than the model has it; None where the model knows no bending, or no error of it."""
+    import cv2
+
+    if not isinstance(model, BentModel) or not model.spread:
+        return None
+    at_x, at_y, _ = raw_places(model)
+    planes = model.field.planes() * np.float32(model.spread)
+    moved = [cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in planes]
+    return np.stack(moved)
+
+
 def undistorted_places(model: DistortionModel) -> Array:
     """Undistorted places (ny, nx, 2), x and y, of all pixels of the raw frame: with them the geometry of unresampled
     pixels is projected (sensor space)."""

@@ -12,6 +12,7 @@ from tasks.undistort.reseau_marks import SIGMA_FLOOR_PX, MarkState, ReseauMarks
 from tasks.undistort.triangles import refuse_collinear
 
 HIDDEN_SIGMA_PX = 2.0  # the table's places of marks outside the frame were never seen; they only steady the edges
+ROBUST_LIMIT = 3.0
 
 Array = NDArray[np.float64]
 
@@ -20,7 +21,8 @@ Array = NDArray[np.float64]
 class MarkSet:
     """raw_xy, object_xy (n, 2): places in the raw and the undistorted frame, pixels, 0-based. sigma_px (n,): 1-sigma of
     a raw coordinate. found (n,): measured in this frame (or taken from a table as if they were); the others are
-    expected places that steady a fit where nothing was found. outside (n,): beyond the raw frame's edge."""
+    expected places that steady a fit where nothing was found. outside (n,): beyond the raw frame's edge. nominal_xy
+    (n, 2): raw places in the camera's table, None where there is none, or raw_xy is it."""
 
     raw_xy: Array
     object_xy: Array
@@ -29,6 +31,7 @@ class MarkSet:
     outside: NDArray[np.bool_]
     raw_size_px: tuple[int, int]
     size_px: tuple[int, int]
+    nominal_xy: Array | None = None
 
     def __post_init__(self) -> None:
         refuse_collinear(self.object_xy[self.found])
@@ -38,7 +41,8 @@ class MarkSet:
         keep = np.arange(len(self.found)) != mark
         raw_xy, object_xy, sigma_px = self.raw_xy[keep], self.object_xy[keep], self.sigma_px[keep]
         sizes = (self.raw_size_px, self.size_px)
-        return MarkSet(raw_xy, object_xy, sigma_px, self.found[keep], self.outside[keep], *sizes)
+        nominal_xy = None if self.nominal_xy is None else self.nominal_xy[keep]
+        return MarkSet(raw_xy, object_xy, sigma_px, self.found[keep], self.outside[keep], *sizes, nominal_xy)
 
     def beyond_hull(self, xy: Array) -> NDArray[np.bool_]:
         """True (n,) for undistorted pixels (n, 2) outside the convex hull of the found marks."""
@@ -59,7 +63,8 @@ def marks_of_frame(marks: ReseauMarks, raw_size_px: tuple[int, int], size_px: tu
     """The marks measured in a frame, with the hidden ones at their expected places."""
     sigma_px = np.where(marks.found, marks.sigma_px, np.maximum(marks.sigma_px, HIDDEN_SIGMA_PX))
     outside = np.asarray(marks.state == MarkState.OUTSIDE)
-    return MarkSet(marks.xy, marks.object_xy, sigma_px, marks.found, outside, raw_size_px, size_px)
+    sizes = (raw_size_px, size_px)
+    return MarkSet(marks.xy, marks.object_xy, sigma_px, marks.found, outside, *sizes, marks.nominal_xy)
 
 
 @dataclass(frozen=True)
@@ -82,6 +87,12 @@ class FitReport:
     def leave_one_out_px(self) -> float:
         """The same when each mark is predicted from the others."""
         return _rms(self.leave_one_out)
+
+    @property
+    def robust_leave_one_out_px(self) -> float:
+        """The same with no mark counted as more than `ROBUST_LIMIT` times the median."""
+        distance = np.linalg.norm(self.leave_one_out, axis=1)
+        return float(np.sqrt((np.minimum(distance, ROBUST_LIMIT * np.median(distance)) ** 2).mean()))
 
     @property
     def leave_one_out_median_px(self) -> float:

@@ -12,6 +12,7 @@ from tasks.undistort.polynomial import fit_polynomial
 from tasks.undistort.radial import fit_radial
 from tasks.undistort.smooth_model import SmoothModel
 from tasks.undistort.thin_plate import fit_thin_plate
+from tasks.undistort.warped_table import fit_warped_table
 
 FittedModel = SmoothModel | DelaunayModel | BentModel
 
@@ -20,8 +21,10 @@ _WITH_DEGREE: dict[str, Callable[..., SmoothModel]] = {
     "polynomial": fit_polynomial,
     "thin-plate": fit_thin_plate,
 }
-BENDING = "beam-bending"
-METHODS = ("radial", "polynomial", "delaunay", "thin-plate", BENDING)
+BENDING, WARPED = "beam-bending", "warped-table"
+METHODS = ("radial", "polynomial", "delaunay", "thin-plate", BENDING, WARPED)
+# What needs a frame's own marks and brightness.
+OF_A_FRAME = (BENDING, WARPED)
 
 
 def fit_model(
@@ -36,13 +39,15 @@ def fit_model(
     given: dict[str, Any] = {} if degree is None else {"degree": degree}
     if method == "delaunay":
         return DelaunayModel(marks)
-    if method == BENDING and bending is not None:
-        return fit_bent_plate(marks, bending, **given)
-    if method == BENDING:
-        raise RefusedError(
-            "bending-without-frame",
-            "beam bending follows from the brightness of a frame and the marks found in it, and there is none.",
-            "Use the method thin-plate with a table of marks.",
+    if method in OF_A_FRAME:
+        if bending is None:
+            raise RefusedError(
+                "bending-without-frame",
+                "beam bending follows from the brightness of a frame and the marks found in it, and there is none.",
+                "Use the method thin-plate with a table of marks.",
+            )
+        return (
+            fit_bent_plate(marks, bending, **given) if method == BENDING else fit_warped_table(marks, bending, **given)
         )
     if method not in _WITH_DEGREE:
         raise RefusedError("method-unknown", f"no distortion method is called {method!r}.", f"Use one of {METHODS}.")

@@ -13,6 +13,7 @@ from tasks.undistort.mark_search import dark_spots, first_guess, without_copied_
 from tasks.undistort.smooth_surface import SmoothSurface
 
 ENOUGH_MARKS = 20
+MISFIT_PX = 2.0  # error of a mark whose pixels do not look like one at all: where a limb or terminator runs through it
 SIGMA_FLOOR_PX = 0.1  # what a good fit still differs by from its neighbours
 LIKENESS_NEEDED = 0.6
 DEPTH_RANGE = (0.35, 1.9)
@@ -125,10 +126,11 @@ def _result(
     expected: Array,
     doubt_px: Array,
 ) -> ReseauMarks:
+    measured_px = np.hypot(np.hypot(fit.sigma_px, MISFIT_PX * (1 - fit.likeness)), SIGMA_FLOOR_PX)
     return ReseauMarks(
         index=table.index,
         xy=np.where(good[:, None], fit.xy, expected),
-        sigma_px=np.where(good, np.hypot(fit.sigma_px, SIGMA_FLOOR_PX), doubt_px),
+        sigma_px=np.where(good, measured_px, doubt_px),
         state=np.where(good, int(MarkState.FOUND), _why_hidden(observation, expected)),
         depth=np.where(good, fit.depth, np.nan),
         expected_xy=expected,

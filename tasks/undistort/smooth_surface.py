@@ -21,7 +21,8 @@ class SmoothSurface:
     """Thin-plate spline plus polynomial trend, least squares weighted by sigma (universal kriging with the generalised
     covariance r^2 log r; Wahba 1990, Spline Models for Observational Data, chapter 2).
 
-    Everything is linear in the values, so leave-one-out errors come in closed form: e_i = w_i / (M^-1)_ii.
+    Everything is linear in the values, so leave-one-out errors come in closed form: e_i = w_i / (M^-1)_ii, and
+    `standardised`, the same in units of what was to be expected at each place but for one common scale.
     """
 
     def __init__(
@@ -56,9 +57,9 @@ class SmoothSurface:
         diagonal = np.diag(self._inverse)[:count]
         self.leave_one_out: Array = self._weights[:count] / diagonal[:, None]
         self.residual: Array = self._weights[:count] * nugget[:, None]
-        self.surprise: Array = np.abs(self.leave_one_out) * np.sqrt(np.abs(diagonal))[:, None]
+        self.standardised: Array = self.leave_one_out * np.sqrt(np.abs(diagonal))[:, None]
         chosen = np.ones(count, dtype=bool) if judged is None else judged
-        self._variance_scale = float((self.surprise[chosen] ** 2).mean())
+        self._variance_scale = float((self.standardised[chosen] ** 2).mean())
 
     @cached_property
     def condition_number(self) -> float:

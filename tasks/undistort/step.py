@@ -1,12 +1,13 @@
 """The cached step: undistort.
 
-Later steps always get the undistorted image. Beside it, in DISTORTION, lie what else a cube may carry: the expected
-error of the distortion at each undistorted pixel, and for the setting space = sensor the unresampled frame with the
-undistorted place of each of its pixels.
+Later steps always get the undistorted image. Beside it, in DISTORTION, lies what else is known: the expected error of
+the distortion at each undistorted pixel, how an error of the beam's bending would move them, and for the setting
+space = sensor the unresampled frame with the undistorted place of each of its pixels.
 """
 
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from catalog.mask import masked, read_mask
@@ -14,7 +15,7 @@ from catalog.observation import Observation
 from tasks.plain import plain
 from tasks.stored import camera_of, frame_of, save_arrays, save_observation
 from tasks.undistort import UndistortSettings, undistort
-from tasks.undistort.frame_map import uncertainty_plane, undistorted_places
+from tasks.undistort.frame_map import bending_error_planes, uncertainty_plane, undistorted_places
 from tasks.work import Work
 
 DISTORTION = "distortion"
@@ -29,6 +30,9 @@ def run(work: Work) -> dict[str, Any]:
     undistorted = undistort(observation, camera, resampling, frame.undistorted)
     save_observation(work.folder, undistorted.observation)
     beside: dict[str, NDArray[Any]] = {"uncertainty_px": uncertainty_plane(undistorted.model)}
+    bending = bending_error_planes(undistorted.model)
+    if bending is not None:
+        beside["bending_error_px"] = bending.astype(np.float16)
     if settings.space == "sensor":
         sensor = undistort(observation, camera, settings, frame.undistorted).observation
         places = undistorted_places(undistorted.model)

@@ -33,8 +33,8 @@ def plate_of_surface(marks: MarkSet, surface: SmoothSurface, degree: int) -> Smo
         -surface.leave_one_out[found],
         surface.condition_number,
     )
-    local = ErrorMap(marks.object_xy[found], (surface.surprise[found] ** 2).mean(axis=1))
-    overall = float(np.sqrt((surface.surprise[found] ** 2).mean()))
+    local = ErrorMap(marks.object_xy[found], (surface.standardised[found] ** 2).mean(axis=1))
+    overall = float(np.sqrt((surface.standardised[found] ** 2).mean()))
 
     def sigma_px(points: Points) -> Points:
         """The kriging error, scaled by how surprising the nearby marks were."""

@@ -42,12 +42,12 @@ def test_the_command_prints_one_json_object_and_nothing_else(
     assert report["camera"] == "voyager1-nac"
     assert report["marks_expected"] == 202
     assert report["marks_found"] + report["marks"]["outside"] > 195
-    assert list(report["methods"]) == ["radial", "polynomial", "delaunay", "thin-plate", "beam-bending"]
+    assert list(report["methods"]) == ["radial", "polynomial", "delaunay", "thin-plate", "beam-bending", "warped-table"]
     assert all(isinstance(figures[key], float) for figures in report["methods"].values() for key in FIGURES)
-    assert report["chosen"] == "beam-bending"
+    assert report["chosen"] == "warped-table"
     assert report["figures"] == []
     command(["distortion", str(voyager_file), "--no-figures"], standalone_mode=False)
-    assert "* beam-bending" in capfd.readouterr().out
+    assert "* warped-table" in capfd.readouterr().out
 
 
 def test_the_figures_are_written(voyager_file: Path, tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def bent_marks(field: BendingField, k: float, noise_px: float = 0.08, seed: int 
     raw = find_reseau_table("vg1_na_sn7").raw_xy
     seen = raw + np.random.default_rng(seed).normal(0, noise_px, raw.shape)
     there = np.ones(len(raw), bool)
-    return MarkSet(seen, smooth_truth(raw) + k * field(raw), 0.1 * there, there, ~there, RAW, OBJECT)
+    return MarkSet(seen, smooth_truth(raw) + k * field(raw), 0.1 * there, there, ~there, RAW, OBJECT, raw)
 
 
 @pytest.fixture(scope="module")

@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from catalog.errors import RefusedError
 from catalog.reseau import find_reseau_table, reseau_table_names
 from tasks.undistort.mark_set import MarkSet, marks_of_table
-from tasks.undistort.methods import BENDING, METHODS, FittedModel, fit_model
+from tasks.undistort.methods import BENDING, METHODS, OF_A_FRAME, FittedModel, fit_model
 from tasks.undistort.polynomial import monomial_condition_number
 from tasks.undistort.radial import radial_rmsd_from_corner
 from tasks.undistort.smooth_model import SmoothModel
 
 RAW, OBJECT = (800, 800), (1000, 1000)
 SMOOTH = ("polynomial", "thin-plate")
-MARKS_ALONE = tuple(method for method in METHODS if method != BENDING)
+MARKS_ALONE = tuple(method for method in METHODS if method not in OF_A_FRAME)
 
 
 def planted(noise_px: float, seed: int = 1, hidden: int = 0) -> tuple[MarkSet, Callable[[np.ndarray], np.ndarray]]:
