@@ -13,7 +13,6 @@ from prefect import flow, get_run_logger
 from prefect.client.schemas.objects import State, StateType
 from prefect.futures import PrefectFuture
 from prefect.states import Completed
-from prefect.task_runners import TaskRunner, ThreadPoolTaskRunner
 
 from flows.profile import DEFAULT_PROFILE
 from flows.reprocessing.image_task import image_task, listener
@@ -24,6 +23,7 @@ from flows.reprocessing.run import Run, begin, finish, planned, save_digests
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.tally import in_words
 from flows.reprocessing.workforce import workforce
+from flows.runners import task_runner
 
 TOO_MANY_FAILED = "TooManyFailed"
 Summary = dict[str, Any]
@@ -45,7 +45,7 @@ def reprocess(
     only: list[str] | None = None,
     kernels: list[str] | None = None,
     workers: int = 0,
-    dask: str | None = None,
+    runner: str = "threads",
     image_timeout_s: float = 1800.0,
     image_memory_mb: float = 6000.0,
     retries: int = 2,
@@ -91,7 +91,7 @@ def work_through(run: Run) -> None:
     ended: SimpleQueue[str] = SimpleQueue()
     workforce.open()
     try:
-        with task_runner(settings) as runner:
+        with task_runner(settings.runner, settings.at_a_time) as runner:
             for plan in run.plans():
                 if not plan.do:
                     run.tally.add(plan.last, done=False)
@@ -119,15 +119,6 @@ def note(run: Run, ended: "SimpleQueue[str]") -> None:
         status, reason = (outcome.status, outcome.reason) if outcome else ("failed", "worker-lost: no answer came.")
         listener().finished(product, status, reason)
         get_run_logger().info("%s: %s %s", product, status, reason or "", extra={"product": product})
-
-
-def task_runner(settings: Settings) -> TaskRunner[Any]:
-    """Threads of this process, each with a worker process; or a Dask cluster, whose workers have them."""
-    if settings.dask is None:
-        return ThreadPoolTaskRunner(max_workers=settings.at_a_time)
-    from prefect_dask import DaskTaskRunner
-
-    return DaskTaskRunner(address=settings.dask)
 
 
 class Ended:

@@ -29,7 +29,9 @@ def reprocess(
         list[Path] | None, typer.Option(help="SPICE kernels for images whose list names none; repeat for more.")
     ] = None,
     workers: Annotated[int, typer.Option(min=0, help="Images at a time; 0: one per processor.")] = 0,
-    dask: Annotated[Text, typer.Option(help="Address of a Dask scheduler whose workers do the images.")] = None,
+    runner: Annotated[
+        str, typer.Option(help="Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler.")
+    ] = "threads",
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only tell what would be done, and why.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Also images that are unchanged; cached steps stay.")] = False,
     again: Annotated[bool, typer.Option("--again", help="Also images that were refused or failed before.")] = False,
@@ -64,7 +66,7 @@ def reprocess(
         only=only,
         kernels=kernels,
         workers=workers,
-        dask=dask,
+        runner=runner,
         force=force,
         again=again,
         verify=verify,

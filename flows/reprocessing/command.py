@@ -3,6 +3,7 @@
 import logging
 from typing import Any
 
+from catalog.errors import PlanetposeError
 from flows.prefect_settings import prepare
 from flows.progress import Reporter
 from flows.reprocessing.parameters import parameters_of
@@ -44,4 +45,6 @@ def run_reprocess(settings: Settings, server: str, reporter: Reporter) -> Summar
         return ended_with.summary
     if isinstance(ended_with, dict):
         return ended_with
+    if isinstance(ended_with, PlanetposeError):
+        raise ended_with
     raise RuntimeError(f"the flow ended {state.name}: {state.message}")

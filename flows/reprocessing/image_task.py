@@ -44,6 +44,14 @@ def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
 def image(product: str, job: Job) -> State[None]:
     """Correct one image in a process of this machine. Completed when it is published, else Failed; a fault that may be
     gone the next time is raised as PassingFaultError."""
+    # A Dask cluster gets this function by value, and its own module's workers and listeners by name.
+    from flows.reprocessing.image_task import perform
+
+    return perform(product, job)
+
+
+def perform(product: str, job: Job) -> State[None]:
+    """What the task does."""
     try:
         outcome = do_image(job, workforce, listener())
     except InterruptedRunError as error:

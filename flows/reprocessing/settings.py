@@ -33,8 +33,8 @@ class Settings(BaseModel):
     """images: an image list, by name or file. store: where products are published. only: shell patterns of products.
     kernels: for images whose list names none; None takes those of the environment. force: do also what is unchanged
     (steps that are cached stay). again: do also what was refused or failed before. verify: compare every product with
-    its checksums. workers: images at a time, 0: one per processor. dask: address of a Dask scheduler whose workers do
-    the images instead; workers then is how many are handed to it at a time. archive: folder of fetched files. cache:
+    its checksums. workers: images at a time, 0: one per processor. runner: see `flows.runners`; whichever it is,
+    every image is done by a process of its own. archive: folder of fetched files. cache:
     of steps. cache_limit_gb, cache_days: what is pruned of it after the run. most_failed_percent: of the list; more
     failures than that make the run fail and raise the alarm."""
 
@@ -45,7 +45,7 @@ class Settings(BaseModel):
     only: tuple[str, ...] = ()
     kernels: tuple[Path, ...] | None = None
     workers: int = Field(0, ge=0)
-    dask: str | None = None
+    runner: str = "threads"
     force: bool = False
     again: bool = False
     verify: bool = False
