@@ -1,4 +1,4 @@
-# make demo, make test: both install into .venv first, when they have to.
+# make demo, make test, make docs: all install into .venv first, when they have to.
 
 PYTHON ?= python3
 BIN := .venv/bin
@@ -6,7 +6,7 @@ INSTALLED := .venv/installed
 # Two processes, each file of tests in one of them; make test PYTEST_ARGS= for a single process.
 PYTEST_ARGS ?= -n 2 --dist loadfile
 
-.PHONY: demo test install clean
+.PHONY: demo test docs install clean
 
 demo: $(INSTALLED)
 	$(BIN)/planetpose demo
@@ -16,6 +16,11 @@ test: $(INSTALLED)
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest $(PYTEST_ARGS)
+
+# Strict: a broken link, reference or equation is an error. The tests build it too.
+docs: $(INSTALLED)
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build
+	@echo "docs/_build/index.html"
 
 install: $(INSTALLED)
 
