@@ -18,6 +18,9 @@ def settings_of(**parameters: Any) -> Settings:
     for name in ("store", "archive", "cache"):
         if name in given:
             (given[name],) = absolute([Path(given[name])])
+    for name in ("images", "profile"):  # a catalog's name, or a file
+        if name in given and Path(given[name]).is_file():
+            given[name] = str(Path(given[name]).absolute())
     if "kernels" in given:
         given["kernels"] = absolute(Path(path) for path in given["kernels"])
     try:

@@ -14,6 +14,7 @@ from flows.indexing import index_store
 from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
 from flows.reprocessing.outcomes import Outcome, read_outcome
+from flows.reprocessing.parameters import parameters_of
 from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.requests import requests_of
 from flows.reprocessing.settings import Settings
@@ -111,6 +112,7 @@ def finish(run: Run) -> dict[str, Any]:
         **run.tally.summary(),
         "too_many_failed": run.too_many_failed,
         "cache_freed_mb": round(freed / 1e6, 1),
+        "parameters": parameters_of(settings),
     }
     try:
         summary["table"] = str(write_tables(settings, run.name, summary, rows_of(run)))

@@ -86,8 +86,6 @@ def do(request: Request, voice: Voice) -> None:
         chain = Chain(request, lambda step: measured(step, voice, metrics))
         error = correct(chain)
         result = result_of(chain, error)
-        for name in chain.cached:
-            metrics.setdefault(name, {})["cached"] = True
     voice.say(
         "end",
         result=result,

@@ -1,0 +1,63 @@
+"""planetpose status STORE"""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(status)
+
+
+def status(
+    store: Annotated[Path, typer.Argument(help="Folder that `planetpose reprocess` publishes in.", show_default=False)],
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    plan: Annotated[bool, typer.Option("--plan/--no-plan", help="Look what is out of date.")] = True,
+) -> None:
+    """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
+    from flows.cli.output import clean_stdout, write_json
+    from flows.status import status_of
+
+    with clean_stdout() as answer:
+        found = status_of(store, plan)
+        if json:
+            write_json(answer, found)
+            return
+        print("\n".join(lines_of(found)), file=answer)
+
+
+def lines_of(found: dict[str, Any]) -> list[str]:
+    """The status for people."""
+    lines = [f"{found['store']}: {found['images']} images"]
+    for name, count in found["status"].items():
+        reasons = ", ".join(f"{code} {times}" for code, times in found["reasons"].get(name, {}).items())
+        lines.append(f"  {name:10s} {count:6d}" + (f"  {reasons}" if reasons else ""))
+    if found["not_remembered"]:
+        lines.append(f"  {len(found['not_remembered'])} products that no run knows (`planetpose correct` made them)")
+    if found["runs"]:
+        lines += ["", "latest runs              images   done  failed %   wall s   busy s  peak MB"]
+        lines += [
+            f"  {run['run']:22s} {run['images']:6d} {run['done']:6d} {run['failed_percent']:9.1f} {run['wall_s']:8.1f} "
+            f"{run['busy_s']:8.1f} {run['peak_mb']:8.0f}"
+            for run in found["runs"]
+        ]
+    if found["steps"]:
+        lines += ["", "steps          done  cached  median s    max s    sum s  peak MB  slowest"]
+        lines += [
+            f"  {row['step']:10s} {row['done']:6d} {row['cached']:7d} {row['median_s']:9.2f} {row['max_s']:8.2f} "
+            f"{row['sum_s']:8.1f} {row['peak_mb']:8.0f}  {row['slowest'] or ''}"
+            for row in found["steps"]
+        ]
+    return lines + outdated_lines(found["out_of_date"])
+
+
+def outdated_lines(found: dict[str, Any] | None) -> list[str]:
+    """What a run would do now."""
+    if found is None:
+        return []
+    if found["fault"]:
+        return ["", f"out of date: unknown: {found['fault']}"]
+    lines = ["", f"out of date: {found['images']} of {found['of']} images of {found['list']}"]
+    return lines + [f"  {count:6d}  {why}" for why, count in found["why"].items()]
