@@ -15,7 +15,7 @@ from prefect.futures import PrefectFuture
 from prefect.states import Completed
 
 from flows.profile import DEFAULT_PROFILE
-from flows.reprocessing.image_task import image_task, listener
+from flows.reprocessing.image_task import audience, image_task
 from flows.reprocessing.one_image import job_of
 from flows.reprocessing.parameters import settings_of
 from flows.reprocessing.report import publish_report
@@ -69,6 +69,7 @@ def reprocess(
     run = begin(settings)
     work_through(run)
     summary = finish(run)
+    audience().on_summary(summary)
     get_run_logger().info("%s: %s", settings.images, in_words(summary))
     return final_state(run, summary)
 
@@ -117,7 +118,7 @@ def note(run: Run, ended: "SimpleQueue[str]") -> None:
         outcome = run.outcome_of_this_run(product)
         run.tally.add(outcome, done=True)
         status, reason = (outcome.status, outcome.reason) if outcome else ("failed", "worker-lost: no answer came.")
-        listener().finished(product, status, reason)
+        audience().reporter.finished(product, status, reason)
         get_run_logger().info("%s: %s %s", product, status, reason or "", extra={"product": product})
 
 

@@ -1,9 +1,10 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|faults"""
 
 from typing import Annotated
 
 import typer
 
+from flows.cli.faults import faults
 from flows.cli.fuzz import fuzz
 
 
@@ -16,6 +17,7 @@ def register(app: typer.Typer) -> None:
     group.command()(steps)
     group.command()(index)
     group.command()(fuzz)
+    group.command()(faults)
     app.add_typer(group, name="benchmark")
 
 

@@ -3,7 +3,7 @@
 import logging
 from typing import Any
 
-from catalog.errors import PlanetposeError
+from catalog.errors import FailedError, PlanetposeError
 from flows.prefect_settings import prepare
 from flows.progress import Reporter
 from flows.reprocessing.parameters import parameters_of
@@ -27,24 +27,33 @@ def answer_without_work(settings: Settings) -> Summary | None:
 
 def run_reprocess(settings: Settings, server: str, reporter: Reporter) -> Summary:
     """Do what has to be done and return the run's summary. Raises RefusedError when list, profile or `only` are no
-    good, FailedError when the store cannot be written to, RuntimeError when Prefect ended the flow."""
+    good, FailedError when the store cannot be written to or Prefect ended the flow."""
     answer = answer_without_work(settings)
     if answer is not None:
         return answer
     prepare(server)
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-    from flows.reprocess import TooManyFailedError, reprocess
+    from flows.reprocess import reprocess
     from flows.reprocessing.image_task import told_to
 
+    heard: list[Summary] = []
     # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
-    with in_use(server_files()), temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}), told_to(reporter):
-        state = reprocess(**parameters_of(settings), return_state=True)
+    with (
+        in_use(server_files()),
+        temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
+        told_to(reporter, heard.append),
+    ):
+        try:
+            state = reprocess(**parameters_of(settings), return_state=True)
+        except Exception as error:  # Prefect could not be told how the flow ended; the images are in the store
+            if not heard:
+                raise
+            logger.warning("Prefect does not know of this run: %s: %s", type(error).__name__, error)
+            return heard[0]
+    if heard:
+        return heard[0]
     ended_with = state.result(raise_on_failure=False)
-    if isinstance(ended_with, TooManyFailedError):
-        return ended_with.summary
-    if isinstance(ended_with, dict):
-        return ended_with
     if isinstance(ended_with, PlanetposeError):
         raise ended_with
-    raise RuntimeError(f"the flow ended {state.name}: {state.message}")
+    raise FailedError("prefect", f"the flow ended {state.name}: {state.message}.", "Run it again: what is done stays.")

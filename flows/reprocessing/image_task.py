@@ -1,8 +1,9 @@
 """The Prefect task: one image. It runs in a thread of the flow's process, or in a Dask worker anywhere."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any
 
 from prefect import Task, task
@@ -17,22 +18,32 @@ from flows.reprocessing.settings import Limits
 from flows.reprocessing.workforce import workforce
 from flows.verdict import PUBLISHED
 
-_reporter: ContextVar[Reporter | None] = ContextVar("reporter", default=None)
+
+@dataclass(frozen=True)
+class Audience:
+    """Who in this process hears of progress, and of the run's summary."""
+
+    reporter: Reporter
+    on_summary: Callable[[dict[str, Any]], None]
+
+
+_nobody = Audience(Silent(), lambda _: None)
+_audience: ContextVar[Audience | None] = ContextVar("reprocess-audience", default=None)
 
 
 @contextmanager
-def told_to(reporter: Reporter) -> Iterator[None]:
-    """Within the `with` block, images that are done by this process report to `reporter`."""
-    token = _reporter.set(reporter)
+def told_to(reporter: Reporter, on_summary: Callable[[dict[str, Any]], None]) -> Iterator[None]:
+    """Within the `with` block, flows of this process report to these two."""
+    token = _audience.set(Audience(reporter, on_summary))
     try:
         yield
     finally:
-        _reporter.reset(token)
+        _audience.reset(token)
 
 
-def listener() -> Reporter:
+def audience() -> Audience:
     """Who hears of progress."""
-    return _reporter.get() or Silent()
+    return _audience.get() or _nobody
 
 
 def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
@@ -53,7 +64,7 @@ def image(product: str, job: Job) -> State[None]:
 def perform(product: str, job: Job) -> State[None]:
     """What the task does."""
     try:
-        outcome = do_image(job, workforce, listener())
+        outcome = do_image(job, workforce, audience().reporter)
     except InterruptedRunError as error:
         return Failed(message=f"{product}: {error.reason}")
     except OSError as error:  # what it came to could not be written into the store

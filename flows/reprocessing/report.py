@@ -16,17 +16,29 @@ logger = logging.getLogger("planetpose")
 
 
 def publish_report(run: Run, summary: Summary) -> None:
-    """Make the artifacts and emit the events of a run."""
-    from prefect.artifacts import create_markdown_artifact, create_table_artifact
+    """Make the artifacts and emit the events of a run; a server that is lost meanwhile is no failure of the run."""
+    import httpx
     from prefect.events import emit_event
+    from prefect.exceptions import PrefectException
 
-    key = "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.settings.store.name.lower()).strip("-")
-    create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
-    create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
+    try:
+        make_artifacts(run, summary)
+    except (httpx.HTTPError, PrefectException, OSError) as error:
+        logger.warning("Prefect has no artifacts of this run: %s: %s", type(error).__name__, error)
+        return
     resource = {"prefect.resource.id": f"planetpose.store.{run.settings.store.name}"}
     emit_event(FINISHED, resource, payload=summary)
     if run.too_many_failed:
         emit_event(TOO_MANY, resource, payload=summary)
+
+
+def make_artifacts(run: Run, summary: Summary) -> None:
+    """A table of the run and a few of its overlays."""
+    from prefect.artifacts import create_markdown_artifact, create_table_artifact
+
+    key = "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.settings.store.name.lower()).strip("-")
+    create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
+    create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
 
 
 def table_of(run: Run) -> list[dict[str, Any]]:

@@ -1,0 +1,139 @@
+"""A command under test as a process of its own, and the processes that belong to it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+PLANETPOSE = (sys.executable, "-c", "from flows.cli import main; main()")
+PATIENCE_S = 300.0
+LOOK_EVERY_S = 0.02
+
+
+class Command:
+    """`planetpose reprocess ... --log-json --json`, started; what it says is kept. limit_bytes: no file may grow
+    larger."""
+
+    def __init__(
+        self, arguments: Sequence[str], environment: Mapping[str, str], limit_bytes: int | None = None
+    ) -> None:
+        self.events: list[dict[str, Any]] = []
+        self.noise: list[str] = []
+        self._process = subprocess.Popen(
+            [*PLANETPOSE, "reprocess", *arguments, "--log-json", "--json"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            env=dict(environment),
+            text=True,
+            start_new_session=True,
+            preexec_fn=None if limit_bytes is None else lambda: _limit_files(limit_bytes),
+        )
+        self._answer = ""
+        self._readers = [threading.Thread(target=read, daemon=True) for read in (self._read_events, self._read_answer)]
+        for reader in self._readers:
+            reader.start()
+
+    @property
+    def pid(self) -> int:
+        """The command's process."""
+        return self._process.pid
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it runs no more."""
+        return self._process.poll() is not None
+
+    @property
+    def summary(self) -> dict[str, Any] | None:
+        """What it printed on stdout, None when that is no summary."""
+        try:
+            found = json.loads(self._answer)
+        except ValueError:
+            return None
+        return found if isinstance(found, dict) else None
+
+    def await_work(self) -> bool:
+        """Wait until an image is at work; False when the command ended before."""
+        wait_for(lambda: self.has_ended or any(event.get("event") == "step" for event in list(self.events)))
+        return not self.has_ended
+
+    def await_end(self) -> int:
+        """Wait for its end; its exit status."""
+        status = self._process.wait(PATIENCE_S)
+        for reader in self._readers:
+            reader.join(5.0)
+        return status
+
+    def kill(self) -> None:
+        """kill -9, it alone."""
+        kill(self.pid)
+        self._process.wait()
+
+    def workers(self) -> list[int]:
+        """Its worker processes."""
+        return [pid for pid in children_of(self.pid) if "flows.reprocessing.worker" in command_line(pid)]
+
+    def _read_events(self) -> None:
+        for line in self._process.stderr or ():
+            try:
+                self.events.append(json.loads(line))
+            except ValueError:
+                self.noise.append(line.rstrip())
+
+    def _read_answer(self) -> None:
+        if self._process.stdout is not None:
+            self._answer = self._process.stdout.read()
+
+
+def _limit_files(size: int) -> None:
+    import resource
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+
+def kill(pid: int, how: signal.Signals = signal.SIGKILL) -> None:
+    """Send a signal, if there is still somebody."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, how)
+
+
+def children_of(pid: int) -> list[int]:
+    """Processes that `pid` started and that still run (Linux)."""
+    found: list[int] = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            found += [int(number) for number in task.read_text().split()]
+    return found
+
+
+def command_line(pid: int) -> str:
+    """The words a process was started with."""
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/cmdline").read_bytes().replace(b"\0", b" ").decode("utf-8", "replace")
+    return ""
+
+
+def runs(pid: int) -> bool:
+    """Whether a process is there, and not only its exit status."""
+    try:
+        return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
+    except OSError:
+        return False
+
+
+def wait_for(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:
+    """Wait for `condition`, at most so long; whether it came true."""
+    deadline = time.monotonic() + patience_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(LOOK_EVERY_S)
+    return True
