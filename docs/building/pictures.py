@@ -12,7 +12,7 @@ WIDEST_PX = 760
 FOLDER = Path(__file__).resolve().parents[1] / "_static"
 PICTURES = {
     "simulated": ("overlay", "planes"),
-    "europa": ("overlay", "planes", "residual", "limb-shifts"),
+    "europa": ("overlay", "planes", "residual"),
 }
 
 
