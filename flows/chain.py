@@ -34,10 +34,16 @@ class Chain:
         self._run = run
 
     def do(
-        self, name: str, body: str, inputs: dict[str, Any], places: dict[str, Any], destination: Path | None = None
+        self,
+        name: str,
+        body: str,
+        inputs: dict[str, Any],
+        places: dict[str, Any],
+        destination: Path | None = None,
+        kind: type[Step] = Step,
     ) -> dict[str, Any]:
         """Do step `name` by the module `body` and return its result. Raises what the step raises."""
-        step = Step(name, body, self.request.product, self.request.cache, inputs, places, destination)
+        step = kind(name, body, self.request.product, self.request.cache, inputs, places, destination)
         self.steps[name] = step
         was_there = step.record() is not None
         self.records[name] = self._run(step)

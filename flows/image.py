@@ -23,7 +23,7 @@ from flows.result import result_of
 from flows.settling import settled
 from flows.verdict import believe, explained
 
-STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish")
+STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
 
 
 def correct_image(chain: Chain) -> None:
@@ -37,6 +37,8 @@ def correct_image(chain: Chain) -> None:
     except PlanetposeError as error:
         raise explained(error, predicted["pose"]) from error
     publish(chain, latest, scene, basemap)
+    if chain.request.publish_to:
+        upload(chain, chain.request.publish_to)
 
 
 def correct_pose(chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]) -> str:
@@ -190,3 +192,11 @@ def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str,
         "result": result_of(chain),
     }
     chain.do("publish", "tasks.publish.step", inputs, places, request.product_folder)
+
+
+def upload(chain: Chain, url: str) -> None:
+    """Copy the product into the object store."""
+    from tasks.objectstore.step import UploadStep
+
+    inputs = {"url": url, "product": chain.request.product, "publish": chain.key("publish")}
+    chain.do("upload", "tasks.objectstore.step", inputs, {"folder": chain.folder("publish")}, kind=UploadStep)

@@ -34,7 +34,7 @@ class Request(BaseModel):
     model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
     environment. profile: its settings, or its name or file; what it holds stays. start_offset_px: added to the
     predicted centre beforehand. mask: file whose non-zero pixels are not used. resume: an earlier result to start
-    from, see `flows.guidance`."""
+    from, see `flows.guidance`. publish_to: URL of an object store that the product is copied to from `store`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
@@ -52,6 +52,7 @@ class Request(BaseModel):
     mask: Path | None = None
     resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
+    publish_to: str | None = None
 
     @field_validator("product")
     @classmethod

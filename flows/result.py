@@ -84,14 +84,21 @@ def known_before_correction(chain: Chain) -> dict[str, Any]:
 def corrected(chain: Chain) -> dict[str, Any]:
     """What the published product says."""
     published, report = chain.records["publish"].result, chain.records["validate"].result
-    folder = chain.steps["publish"].folder
+    folder = product_place(chain)
     return published["correction"] | {
         "limb_rms_px": report["limb"]["rms_px"],
         "limb_points": report["limb"]["points"],
         "similarity": report["similarity"],
-        "cube": str(folder / published["cube"]),
-        "overlay": str(folder / published["overlay"]),
+        "cube": f"{folder}/{published['cube']}",
+        "overlay": f"{folder}/{published['overlay']}",
     }
+
+
+def product_place(chain: Chain) -> str:
+    """Folder of the product, or its URL once it is in an object store."""
+    if "upload" in chain.records:
+        return f"{chain.request.publish_to}/{chain.request.product}"
+    return chain.folder("publish")
 
 
 def exit_status(results: list[dict[str, Any]]) -> int:

@@ -1,9 +1,13 @@
 """planetpose check PATH..."""
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+if TYPE_CHECKING:
+    from tasks.publish.check import Fault
 
 
 def register(app: typer.Typer) -> None:
@@ -12,7 +16,10 @@ def register(app: typer.Typer) -> None:
 
 
 def check(
-    paths: Annotated[list[Path], typer.Argument(help="Stores, or products' folders.", show_default=False)],
+    paths: Annotated[
+        list[str],
+        typer.Argument(help="Stores, or products' folders; stores may be s3://bucket/prefix.", show_default=False),
+    ],
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Only products with faults.")] = False,
 ) -> None:
@@ -20,16 +27,14 @@ def check(
     import sys
 
     from flows.cli.output import clean_stdout, write_json
-    from tasks.publish.check import product_faults, products_in
 
     sound, count = 0, 0
     with clean_stdout() as answer:
-        for folder in [product for path in paths for product in products_in(path)]:
-            faults = product_faults(folder)
+        for folder, faults in each_checked(paths):
             count, sound = count + 1, sound + (not faults)
             if json:
                 named = [{"kind": fault.kind, "fault": fault.text} for fault in faults]
-                write_json(answer, {"product": folder.name, "path": str(folder), "sound": not faults, "faults": named})
+                write_json(answer, {"product": Path(folder).name, "path": folder, "sound": not faults, "faults": named})
                 continue
             for fault in faults:
                 print(f"{folder}: {fault}", file=answer)
@@ -38,3 +43,19 @@ def check(
         if not json:
             print(f"{sound} of {count} products sound", file=answer)
     sys.exit(0 if sound == count else 1)
+
+
+def each_checked(paths: list[str]) -> "Iterator[tuple[str, list[Fault]]]":
+    """Every product's place and faults; one in an object store is copied here for as long as that takes."""
+    from tasks.objectstore.location import is_url, open_object_store
+    from tasks.objectstore.reading import local_copy, whole_products
+    from tasks.publish.check import product_faults, products_in
+
+    for path in paths:
+        if not is_url(path):
+            yield from ((str(folder), product_faults(folder)) for folder in products_in(Path(path)))
+            continue
+        store = open_object_store(path)
+        for product in whole_products(store):
+            with local_copy(store, product) as folder:
+                yield f"{store.url}/{product}", product_faults(folder)

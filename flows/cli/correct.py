@@ -23,7 +23,7 @@ def register(app: typer.Typer) -> None:
 
 def correct(
     files: Files,
-    store: Annotated[Path, typer.Option(help="Folder that products are published in.")] = Path("out"),
+    store: Annotated[str, typer.Option(help="Folder that products are published in, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
     target: Annotated[Text, typer.Option(help="Target name; overrides the label.")] = None,
@@ -53,6 +53,7 @@ def correct(
 ) -> None:
     """Correct the geometry of images and publish cubes."""
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
+    from flows.places import place_of
     from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.request import Request
@@ -60,11 +61,12 @@ def correct(
     from flows.run import run_requests
 
     chosen = holding(usable_profile(profile, max_passes), hold)
-    offset_px = two_numbers(start_offset)
+    offset_px, place = two_numbers(start_offset), place_of(store)
     requests = [
         Request(
             image=file,
-            store=store,
+            store=place.store,
+            publish_to=place.publish_to,
             camera=camera,
             target=target,
             pose_file=pose,

@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 
 def index(
-    store: Annotated[Path, typer.Argument(help="Folder of products.")] = Path("out"),
+    store: Annotated[str, typer.Argument(help="Folder of products, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
     rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every product anew.")] = False,
 ) -> None:
@@ -25,10 +25,15 @@ def index(
     import json as json_module
 
     from flows.cli.output import clean_stdout
+    from flows.places import index_object_store
+    from tasks.objectstore.location import is_url
     from tasks.publish.index import INDEX, open_index, rebuild_index
 
     with clean_stdout() as answer:
-        table = rebuild_index(store) if rebuild else open_index(store)
+        if is_url(store):
+            table = index_object_store(store)
+        else:
+            table = rebuild_index(Path(store)) if rebuild else open_index(Path(store))
         if json:
             for row in json_module.loads(table.to_json(orient="records", date_format="iso", date_unit="us")):
                 print(json_module.dumps(row), file=answer)
@@ -38,4 +43,4 @@ def index(
         columns = [name.removesuffix("_deg").replace("sub_observer_", "observer_") for name in SHOWN]
         text = shown.to_string(index=False, header=columns, float_format=lambda value: f"{value:.6g}", na_rep="-")
         print(text if len(table) else "no products", file=answer)
-        print(f"{len(table)} products in {store / INDEX}", file=answer)
+        print(f"{len(table)} products in {store.rstrip('/')}/{INDEX}", file=answer)

@@ -22,7 +22,7 @@ def reprocess(
         str,
         typer.Argument(help="Image list: a name of the catalog, or a CSV, TOML or Parquet file.", show_default=False),
     ],
-    store: Annotated[Path, typer.Option(help="Folder that products are published in.")] = Path("out"),
+    store: Annotated[str, typer.Option(help="Folder that products are published in, or s3://bucket/prefix.")] = "out",
     profile: Annotated[Text, typer.Option(help="Which bricks: a name, or FILE.toml.")] = None,
     only: Annotated[list[str] | None, typer.Option(help="Products like this (C16*); repeat for more.")] = None,
     kernels: Annotated[

@@ -52,5 +52,5 @@ def _truth(number: int, count: int) -> Pose:
         camera_from_j2000=np.eye(3),
         target_from_spacecraft_km=np.array([0.0, 0.0, 780_000.0]),
         sun_from_target_km=np.array([-4e8, 1e8, -5e8]),
-        body_from_j2000=rotation_from_vector_deg([20, 30, 40]) @ rotation_from_vector_deg([0, 0, 360 * number / count]),
+        body_from_j2000=rotation_from_vector_deg([0, 0, 360 * number / count]) @ rotation_from_vector_deg([20, 30, 40]),
     )

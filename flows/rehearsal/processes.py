@@ -133,13 +133,13 @@ class Installation:
         command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", pool, "--type", "process"]
         return Session(command, self.client_environment, self.folder / "worker.log", self.folder)
 
-    def prefect(
-        self, *arguments: str, environment: Mapping[str, str] | None = None, folder: Path | None = None
-    ) -> str:
+    def prefect(self, *arguments: str, environment: Mapping[str, str] | None = None, folder: Path | None = None) -> str:
         """Output of a `prefect` command against the server. Raises RehearsalError with what it said when it fails."""
         command = [sys.executable, "-m", "prefect", "--no-prompt", *arguments]
         known = {**self.client_environment, **(environment or {})}
-        done = subprocess.run(command, env=known, cwd=folder or self.folder, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            command, env=known, cwd=folder or self.folder, capture_output=True, text=True, check=False
+        )
         if done.returncode:
             raise RehearsalError(f"prefect {' '.join(arguments)}: {done.stdout}{done.stderr}")
         return done.stdout

@@ -42,6 +42,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
         "base map": [content(request.basemap, "base map"), request.map_left_edge_deg],
         "shape": content(request.shape, "shape"),
         "mask": content(request.mask, "mask"),
+        "object store": request.publish_to,
         "guidance": guidance_of(request) | {"pose": told(lambda: pose_to_resume(request))},
         "kernels": told(lambda: kernels_of(tuple(request.kernel_paths))),
         "catalog": catalog_digest(),

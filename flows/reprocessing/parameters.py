@@ -6,6 +6,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from catalog.errors import RefusedError
+from flows.places import place_of
 from flows.reprocessing.requests import absolute
 from flows.reprocessing.settings import Limits, Settings
 
@@ -15,6 +16,9 @@ def settings_of(**parameters: Any) -> Settings:
     elsewhere. Raises RefusedError naming what is no good."""
     given = {name: value for name, value in parameters.items() if value is not None}
     limits = {name: given.pop(name) for name in Limits.model_fields if name in given}
+    if "store" in given:
+        place = place_of(given["store"])
+        given |= {"store": place.store, "publish_to": place.publish_to}
     for name in ("store", "archive", "cache"):
         if name in given:
             (given[name],) = absolute([Path(given[name])])
@@ -33,5 +37,6 @@ def settings_of(**parameters: Any) -> Settings:
 def parameters_of(settings: Settings) -> dict[str, Any]:
     """The flow's parameters that mean these settings."""
     plain = settings.model_dump(mode="json")
+    plain["store"] = plain.pop("publish_to") or plain["store"]
     limits = {name: value for name, value in plain["limits"].items() if name != "tries"}
     return {**{name: value for name, value in plain.items() if name != "limits"}, **limits}

@@ -43,7 +43,8 @@ def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint,
     if settings.force:
         return "forced"
     if last.status in PUBLISHED:
-        return product_fault(request.product_folder, last, settings.verify)
+        fault = product_fault(request.product_folder, last, settings.verify)
+        return fault or (published_fault(request, last) if settings.verify else None)
     if last.passing and last.tries < settings.limits.tries:
         return f"{last.status} before, may pass ({last.code})"
     return f"{last.status} before ({last.code})" if settings.again else None
@@ -58,6 +59,17 @@ def product_fault(folder: Path, last: Outcome, verify: bool) -> str | None:
         return "product is another one than remembered"
     faults = checksum_faults(folder) if verify else missing_files(folder)
     return f"product is damaged: {in_words(faults)}" if faults else None
+
+
+def published_fault(request: Request, last: Outcome) -> str | None:
+    """What is wrong with the product's copy in the object store. Raises FailedError when that cannot be reached."""
+    if request.publish_to is None:
+        return None
+    from tasks.objectstore.location import open_object_store
+    from tasks.objectstore.publishing import published_key
+
+    whole = published_key(open_object_store(request.publish_to), request.product) == last.key
+    return None if whole else "product is not in the object store"
 
 
 def missing_files(folder: Path) -> list[str]:

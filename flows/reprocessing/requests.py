@@ -40,6 +40,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
         image=image_list.located(entry.image, settings.archive),
         product=entry.product,
         store=settings.store,
+        publish_to=settings.publish_to,
         camera=camera,
         target=entry.target,
         pose_file=here(entry.pose_file),

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from catalog.digest import digests_to_save, remember_digests
-from catalog.errors import FailedError
+from catalog.errors import FailedError, PlanetposeError
 from flows.indexing import index_store
 from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
@@ -100,6 +100,7 @@ def finish(run: Run) -> dict[str, Any]:
     settings = run.settings
     save_digests()
     index_store(settings.store)
+    index_published(settings)
     freed = prune(settings.cache, settings.cache_limit_gb, settings.cache_days)
     summary = {
         "run": run.name,
@@ -119,6 +120,18 @@ def finish(run: Run) -> dict[str, Any]:
     except OSError as error:
         logger.error("the table of %s was not written: %s", settings.store, error)
     return summary
+
+
+def index_published(settings: Settings) -> None:
+    """Bring the index of the object store up to date, if there is one."""
+    if settings.publish_to is None:
+        return
+    from flows.places import index_object_store
+
+    try:
+        index_object_store(settings.publish_to)
+    except PlanetposeError as error:  # the products are there all the same
+        logger.error("the index of %s was not written: %s", settings.publish_to, error)
 
 
 def rows_of(run: Run) -> Iterator[dict[str, Any]]:

@@ -30,7 +30,8 @@ class Limits(BaseModel):
 
 
 class Settings(BaseModel):
-    """images: an image list, by name or file. store: where products are published. only: shell patterns of products.
+    """images: an image list, by name or file. store: where products are published.
+    publish_to: URL of an object store that they are then copied to. only: shell patterns of products.
     kernels: for images whose list names none; None takes those of the environment. force: do also what is unchanged
     (steps that are cached stay). again: do also what was refused or failed before. verify: compare every product with
     its checksums. workers: images at a time, 0: one per processor. runner: see `flows.runners`; whichever it is,
@@ -41,6 +42,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     images: str = Field(min_length=1)
     store: Path
+    publish_to: str | None = None
     profile: str = DEFAULT_PROFILE
     only: tuple[str, ...] = ()
     kernels: tuple[Path, ...] | None = None

@@ -1,0 +1,49 @@
+"""Where products go: a folder, or an object store with a local store before it."""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from catalog.settings import cache_folder, state_folder
+from tasks.objectstore.location import is_url, open_object_store
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+@dataclass(frozen=True)
+class Place:
+    """store: folder that products are made in. publish_to: URL of the object store that they are then copied to."""
+
+    store: Path
+    publish_to: str | None = None
+
+
+def place_of(store: str | Path) -> Place:
+    """The place that `--store` names. For a URL products are first made in a local store of the user's state folder
+    (PLANETPOSE_STATE), which has to last: it is what later runs compare with."""
+    text = str(store)
+    if not is_url(text):
+        return Place(Path(store))
+    return Place(local_store_of(text), text.rstrip("/"))
+
+
+def local_store_of(url: str) -> Path:
+    """The local store before the object store at `url`."""
+    named = re.sub(r"[^A-Za-z0-9._-]+", "-", url.rstrip("/")).strip("-")[:80]
+    return state_folder() / "stores" / f"{named}-{hashlib.sha256(url.rstrip('/').encode()).hexdigest()[:8]}"
+
+
+def index_mirror_of(url: str) -> Path:
+    """Folder that keeps what the index of the object store at `url` is made of."""
+    return cache_folder() / "indices" / local_store_of(url).name
+
+
+def index_object_store(url: str) -> "pd.DataFrame":
+    """Bring `index.parquet` of the object store at `url` up to date and return it. Raises RefusedError or FailedError
+    when the store is unknown or cannot be reached."""
+    from tasks.objectstore.reading import publish_index
+
+    return publish_index(open_object_store(url), index_mirror_of(url))

@@ -1,0 +1,84 @@
+"""Copy a whole product into an object store so that nobody takes half of it for a product.
+
+An object store exchanges single objects, not folders. While a product is being replaced it has no `record.json`, which
+is the mark of a whole product, and its cube no `zarr.json`, without which no reader opens it; both come last. A writer
+that dies leaves a product without them, and the next one starts anew.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from catalog.errors import FailedError
+from tasks.objectstore.location import ObjectStore, reaching
+from tasks.publish.checksums import CHECKSUMS
+from tasks.publish.names import CUBE
+from tasks.record import RECORD_FILE
+
+CUBE_OPENER = f"{CUBE}/zarr.json"
+LAST = (CUBE_OPENER, CHECKSUMS, RECORD_FILE)  # in this order; deleted in the opposite one
+
+
+@dataclass(frozen=True)
+class Copied:
+    """How much a publication copied, and how many objects of an older product it deleted."""
+
+    files: int
+    bytes: int
+    deleted: int
+
+
+def published_key(store: ObjectStore, product: str) -> str | None:
+    """Key of the whole product in the store; None when there is none, or none that is whole. Raises FailedError when
+    the storage cannot be reached."""
+    with reaching(store):
+        try:
+            text = store.files.cat_file(store.path(product, RECORD_FILE))
+        except FileNotFoundError:
+            return None
+    try:
+        return str(json.loads(text)["key"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def publish_product(folder: Path, store: ObjectStore) -> Copied:
+    """Copy the product in `folder`, replacing an older one of its name. Raises FailedError when the storage cannot be
+    reached, or has not what was written."""
+    place = store.path(folder.name)
+    sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+    with reaching(store):
+        older = set(_sizes(store, place))
+        _delete(store, place, [name for name in reversed(LAST) if name in older])
+        body = sorted(name for name in sizes if name not in LAST)
+        store.files.put([str(folder / name) for name in body], [f"{place}/{name}" for name in body])
+        _delete(store, place, sorted(older - set(sizes) - set(LAST)))
+        for name in LAST:
+            if name in sizes:
+                store.files.put_file(str(folder / name), f"{place}/{name}")
+        written = _sizes(store, place)
+    if written != sizes:
+        differing = sorted(name for name in written.keys() | sizes.keys() if written.get(name) != sizes.get(name))
+        fault = f"store {store.url} has not what was written: {folder.name}/{differing[0]}."
+        raise FailedError("store-differs", fault, "Is another program writing there? Try again.") from ConnectionError(
+            differing[0]
+        )
+    return Copied(len(sizes), sum(sizes.values()), len(older - set(sizes)))
+
+
+def _delete(store: ObjectStore, place: str, names: list[str]) -> None:
+    for name in names:
+        try:
+            store.files.rm_file(f"{place}/{name}")
+        except FileNotFoundError:  # another writer of the same product was quicker
+            continue
+
+
+def _sizes(store: ObjectStore, place: str) -> dict[str, int]:
+    """Bytes of every object below `place`, by its name relative to it."""
+    try:
+        found = store.files.find(place, detail=True)
+    except FileNotFoundError:
+        return {}
+    base = place.strip("/")
+    return {path.strip("/").removeprefix(f"{base}/"): int(facts["size"]) for path, facts in found.items()}
