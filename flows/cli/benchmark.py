@@ -1,10 +1,10 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|faults"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|faults|reprocess"""
 
 from typing import Annotated
 
 import typer
 
-from flows.cli.faults import faults
+from flows.cli.faults import faults, reprocess
 from flows.cli.fuzz import fuzz
 
 
@@ -18,6 +18,7 @@ def register(app: typer.Typer) -> None:
     group.command()(index)
     group.command()(fuzz)
     group.command()(faults)
+    group.command()(reprocess)
     app.add_typer(group, name="benchmark")
 
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -15,10 +16,12 @@ from typing import Any
 PLANETPOSE = (sys.executable, "-c", "from flows.cli import main; main()")
 PATIENCE_S = 300.0
 LOOK_EVERY_S = 0.02
+KEPT_EVENTS = 2000
 
 
 class Command:
-    """`planetpose reprocess ... --log-json --json`, started; what it says is kept. limit_bytes: no file may grow
+    """`planetpose reprocess ... --log-json --json`, started. events: the last ones that it told; stamps: when it told
+    them, by kind; noise: what was none. limit_bytes: no file may grow
     larger."""
 
     def __init__(
@@ -26,6 +29,8 @@ class Command:
     ) -> None:
         self.events: list[dict[str, Any]] = []
         self.noise: list[str] = []
+        self.stamps: dict[str, list[float]] = defaultdict(list)
+        self._started, self._ended = time.monotonic(), 0.0
         self._process = subprocess.Popen(
             [*PLANETPOSE, "reprocess", *arguments, "--log-json", "--json"],
             stdout=subprocess.PIPE,
@@ -52,6 +57,11 @@ class Command:
         return self._process.poll() is not None
 
     @property
+    def seconds(self) -> float:
+        """From its start to its end."""
+        return round((self._ended or time.monotonic()) - self._started, 2)
+
+    @property
     def summary(self) -> dict[str, Any] | None:
         """What it printed on stdout, None when that is no summary."""
         try:
@@ -62,12 +72,13 @@ class Command:
 
     def await_work(self) -> bool:
         """Wait until an image is at work; False when the command ended before."""
-        wait_for(lambda: self.has_ended or any(event.get("event") == "step" for event in list(self.events)))
+        wait_for(lambda: self.has_ended or bool(self.stamps["step"]))
         return not self.has_ended
 
-    def await_end(self) -> int:
-        """Wait for its end; its exit status."""
-        status = self._process.wait(PATIENCE_S)
+    def await_end(self, patience_s: float | None = None) -> int:
+        """Wait for its end; its exit status. Raises subprocess.TimeoutExpired when that takes too long."""
+        status = self._process.wait(patience_s)
+        self._ended = self._ended or time.monotonic()
         for reader in self._readers:
             reader.join(5.0)
         return status
@@ -84,13 +95,18 @@ class Command:
     def _read_events(self) -> None:
         for line in self._process.stderr or ():
             try:
-                self.events.append(json.loads(line))
-            except ValueError:
+                event = json.loads(line)
+                self.stamps[event["event"]].append(time.monotonic())
+            except (ValueError, LookupError, TypeError):
                 self.noise.append(line.rstrip())
+                continue
+            self.events.append(event)
+            del self.events[:-KEPT_EVENTS]
 
     def _read_answer(self) -> None:
         if self._process.stdout is not None:
             self._answer = self._process.stdout.read()
+            self._ended = time.monotonic()
 
 
 def _limit_files(size: int) -> None:

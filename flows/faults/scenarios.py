@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from flows.faults.ground import Ground, Place
-from flows.faults.processes import Command, kill, runs, wait_for
+from flows.faults.processes import PATIENCE_S, Command, kill, runs, wait_for
 
 Disturb = Callable[[Ground, Place, random.Random], str]
 SMALLEST_DISK_KB = 300
@@ -107,7 +107,7 @@ def ended(command: Command) -> str:
     """How a command ended, in words."""
     started = time.monotonic()
     try:
-        status = command.await_end()
+        status = command.await_end(PATIENCE_S)
     except subprocess.TimeoutExpired:
         command.kill()
         return "HUNG, was killed"

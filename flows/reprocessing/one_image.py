@@ -72,6 +72,7 @@ def outcome_of(job: Job, end: Message) -> Outcome:
         passing=end["passing"],
         key=end["key"],
         seconds=end["seconds"],
+        cpu_s=end["cpu_s"],
         peak_mb=max(peaks, default=None),
         utc=result["utc"],
         camera=result["camera"],

@@ -20,7 +20,8 @@ class Outcome:
     """How an image ended.
 
     passing: the fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
-    published product. steps: per step seconds, peak_mb, cached. at: UTC of the end. run: the run that did it.
+    published product. seconds, cpu_s: by the clock, and of the processor. steps: per step seconds, peak_mb, cached.
+    at: UTC of the end. run: the run that did it.
     """
 
     product: str
@@ -34,6 +35,7 @@ class Outcome:
     tries: int = 1
     key: str | None = None
     seconds: float = 0.0
+    cpu_s: float = 0.0
     peak_mb: float | None = None
     host: str = ""
     utc: str | None = None

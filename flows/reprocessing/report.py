@@ -4,6 +4,7 @@ import base64
 import logging
 from typing import Any
 
+from flows.prefect_settings import server_is_lost
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.run import Run
 from flows.reprocessing.tally import STATUSES, in_words
@@ -21,6 +22,9 @@ def publish_report(run: Run, summary: Summary) -> None:
     from prefect.events import emit_event
     from prefect.exceptions import PrefectException
 
+    if server_is_lost():  # Prefect would try for half a minute
+        logger.warning("Prefect's server is lost: it has no artifacts and events of this run")
+        return
     try:
         make_artifacts(run, summary)
     except (httpx.HTTPError, PrefectException, OSError) as error:

@@ -28,6 +28,7 @@ class Tally:
         self.steps_done: Counter[str] = Counter()
         self.steps_cached: Counter[str] = Counter()
         self.busy_s = 0.0
+        self.cpu_s = 0.0
         self.peak_mb = 0.0
 
     def add(self, outcome: Outcome | None, done: bool) -> None:
@@ -41,6 +42,7 @@ class Tally:
         self.done[status] += 1
         if outcome:
             self.busy_s += outcome.seconds
+            self.cpu_s += outcome.cpu_s
             self.peak_mb = max(self.peak_mb, outcome.peak_mb or 0.0)
             for name, step in outcome.steps.items():
                 (self.steps_cached if step.get("cached") else self.steps_done)[name.partition("-")[0]] += 1
@@ -68,6 +70,7 @@ class Tally:
             "steps_done": dict(self.steps_done),
             "steps_cached": dict(self.steps_cached),
             "busy_s": round(self.busy_s, 2),
+            "cpu_s": round(self.cpu_s, 2),
             "peak_mb": self.peak_mb,
         }
 
