@@ -6,7 +6,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from building import api, cameras, commands, facts, profiles, reasons, settings
+from building import api, cameras, commands, facts, outside, profiles, reasons, settings
 
 LINE = re.compile(r"^<!-- made from: (\S+) ?(.*?) -->$", re.M)
 MAKERS: dict[str, Callable[[str], str]] = {
@@ -15,6 +15,7 @@ MAKERS: dict[str, Callable[[str], str]] = {
     "cameras": cameras.table,
     "commands": commands.page,
     "facts": facts.text_of,
+    "outside": outside.text_of,
     "profiles": profiles.page,
     "reasons": reasons.table,
     "settings": settings.page,
