@@ -12,7 +12,7 @@ copyright = author
 extensions = ["myst_parser", "building.mathml", "building.generated"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "building", "notebooks"]
-default_role = "code"
+smartquotes = False
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3

@@ -36,8 +36,8 @@ def table(_: str = "") -> str:
     rows = []
     for name in sorted(written):
         status = ", ".join(sorted(raised.get(name, {written[name].get("status", "failed")})))
-        rows.append((code(name), status, written[name]["meaning"], written[name]["remedy"]))
-    return table_of(("code", "status", "what was found", "what to do"), rows)
+        rows.append((f"{code(name)}<br>{status}", written[name]["meaning"], written[name]["remedy"]))
+    return table_of(("code, status", "what was found", "what to do"), rows)
 
 
 def explained() -> dict[str, dict[str, str]]:

@@ -77,3 +77,9 @@ def test_no_page_is_forgotten() -> None:
     """Sphinx tells pages outside every toctree as a warning; this one is for pictures."""
     text = "".join(page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md"))
     assert [picture.name for picture in (DOCS / "_static").glob("*.png") if picture.name not in text] == []
+
+
+def test_links_of_the_readme_lead_somewhere() -> None:
+    links = re.findall(r"\]\((?!https?:|#)([^)#]+)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    assert len(links) > 20
+    assert [link for link in links if not (ROOT / link).exists()] == []
