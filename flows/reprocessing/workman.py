@@ -32,12 +32,12 @@ class LostError(Exception):
 
 
 class Workman:
-    """One worker process. threads: that its libraries may use."""
+    """One worker process. threads: that its libraries may use. module: what it runs."""
 
-    def __init__(self, threads: int = 1) -> None:
+    def __init__(self, threads: int = 1, module: str = "flows.reprocessing.worker") -> None:
         environment = {**os.environ, **dict.fromkeys(THREADS, str(threads))}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "flows.reprocessing.worker"],
+            [sys.executable, "-m", module],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
@@ -47,7 +47,8 @@ class Workman:
         )
         self._messages: SimpleQueue[Message | None] = SimpleQueue()
         self._folders: set[Path] = set()
-        threading.Thread(target=self._listen, daemon=True, name="worker-messages").start()
+        self._listener = threading.Thread(target=self._listen, daemon=True, name="worker-messages")
+        self._listener.start()
 
     @property
     def pid(self) -> int:
@@ -141,14 +142,21 @@ class Workman:
 
     def end(self) -> None:
         """End the process, which has nothing to do."""
-        self._close()
+        self._hang_up()
         try:
             self._process.wait(END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self.kill()
+        self._close()
+
+    def _hang_up(self) -> None:
+        if self._process.stdin is not None:
+            with suppress(OSError):
+                self._process.stdin.close()
 
     def _close(self) -> None:
-        for stream in (self._process.stdin,):
-            if stream is not None:
-                with suppress(OSError):
-                    stream.close()
+        """Let go of the pipes of a process that has ended."""
+        self._hang_up()
+        self._listener.join(END_TIMEOUT_S)
+        if self._process.stdout is not None and not self._listener.is_alive():
+            self._process.stdout.close()

@@ -1,0 +1,246 @@
+"""Reprocessing a small archive for real: what is done, what is not and why, what is remembered and told."""
+
+import csv
+import json
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catalog.digest import remember_digests, sha256_of_file
+from catalog.errors import RefusedError
+from flows.progress import Silent
+from flows.reprocessing import command
+from flows.reprocessing.fingerprint import differences
+from flows.reprocessing.outcomes import read_outcome, write_outcome
+from flows.reprocessing.parameters import parameters_of, settings_of
+from flows.reprocessing.run import planned
+from flows.reprocessing.settings import Settings
+from flows.reprocessing.sweep import prune, sweep
+from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
+from flows.status import status_of
+from tasks.record import RECORD_FILE
+
+GOOD, BAD = ("small-00000", "small-00001"), "small-00002"
+
+
+@pytest.fixture(scope="module")
+def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two good images, and one that is none."""
+    folder = tmp_path_factory.mktemp("archive")
+    write_small_archive(folder, 3)
+    (folder / f"{BAD}.png").write_bytes(b"\x89PNG\r\n\x1a\nand nothing more")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def settings(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Settings:
+    place = tmp_path_factory.mktemp("place")
+    profile, images = str(archive / PROFILE_FILE), str(archive / LIST)
+    return settings_of(
+        images=images, store=place / "store", cache=place / "cache", profile=profile, kernels=[], workers=1
+    )
+
+
+@pytest.fixture(scope="module")
+def done(prefect_api: str, settings: Settings) -> dict[str, Any]:
+    """The summary of the first run."""
+    return command.run_reprocess(settings, prefect_api, Silent())
+
+
+def wanted(settings: Settings, **changes: Any) -> dict[str, str]:
+    """Products that would be done, and why."""
+    _, plans = planned(settings.model_copy(update=changes))
+    return {plan.request.product: plan.why for plan in plans if plan.do}
+
+
+def test_one_bad_image_does_not_stop_the_others(done: dict[str, Any], settings: Settings) -> None:
+    assert done["status"] == {"ok": 2, "doubtful": 0, "refused": 1, "failed": 0}
+    assert done["codes"] == {"image-unreadable": 1}
+    assert done["too_many_failed"]
+    assert all((settings.store / name / "cube.zarr").is_dir() for name in GOOD)
+    assert not (settings.store / BAD).exists()
+    assert not list(settings.store.rglob(".*.tmp"))
+
+
+def test_the_table_names_every_image_with_its_reason(done: dict[str, Any], settings: Settings) -> None:
+    rows = {row["product"]: row for row in csv.DictReader((settings.store / "reprocess.csv").open())}
+    assert set(rows) == {*GOOD, BAD}
+    assert rows[BAD]["reason"].startswith("image-unreadable")
+    assert {row["why"] for row in rows.values()} == {"new"}
+    kept = json.loads((settings.store / "reprocess.json").read_text())
+    assert kept["run"] == done["run"]
+    assert kept["steps_done"]["publish"] == 2
+
+
+def test_prefect_has_a_task_per_image_and_artifacts(done: dict[str, Any], prefect_api: str) -> None:
+    from prefect.client.orchestration import get_client
+
+    assert done
+    with get_client(sync_client=True) as client:
+        artifact = client.request("POST", "/artifacts/latest/filter", json={"limit": 200}).json()
+    keys = {each["key"] for each in artifact}
+    assert {"reprocess-store", "reprocess-store-overlays"} <= keys
+    (overlays,) = [each["data"] for each in artifact if each["key"] == "reprocess-store-overlays"]
+    assert "data:image/jpeg;base64," in overlays
+
+
+def test_a_rerun_does_nothing_and_asks_no_server(
+    done: dict[str, Any], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert done
+
+    def no_server(_: str) -> None:
+        raise AssertionError("a server was asked for")
+
+    monkeypatch.setattr(command, "prepare", no_server)
+    again = command.run_reprocess(settings, "local", Silent())
+    assert (again["done"], again["unchanged"], again["status"]) == (0, 3, done["status"])
+
+
+def test_what_is_refused_is_done_again_only_when_asked_for(done: dict[str, Any], settings: Settings) -> None:
+    assert done
+    assert wanted(settings) == {}
+    assert wanted(settings, again=True) == {BAD: "refused before (image-unreadable)"}
+    assert set(wanted(settings, force=True)) == {*GOOD, BAD}
+
+
+def test_a_changed_setting_is_named_with_both_values(
+    done: dict[str, Any], settings: Settings, archive: Path, tmp_path: Path
+) -> None:
+    assert done
+    text = (archive / PROFILE_FILE).read_text().replace("sure_likeness = 0.4", "sure_likeness = 0.5")
+    (tmp_path / PROFILE_FILE).write_text(text)
+    why = wanted(settings, profile=str(tmp_path / PROFILE_FILE))
+    assert why[GOOD[0]] == "changed: settings: accept.sure_likeness 0.4 -> 0.5"
+
+
+def test_a_changed_file_is_named(done: dict[str, Any], settings: Settings, archive: Path) -> None:
+    assert done
+    pose, image = archive / POSE_FILE, archive / f"{GOOD[1]}.png"
+    kept = pose.read_text(), image.read_bytes()
+    try:
+        pose.write_text(kept[0] + "\n")
+        image.unlink()
+        assert wanted(settings)[GOOD[0]] == "changed: pose file"
+        assert wanted(settings)[GOOD[1]] == "changed: image (is gone); pose file"
+    finally:
+        pose.write_text(kept[0])
+        image.write_bytes(kept[1])
+    assert wanted(settings) == {}
+
+
+def test_a_product_that_lost_a_file_or_is_gone_is_done_again(done: dict[str, Any], settings: Settings) -> None:
+    assert done
+    product = settings.store / GOOD[0]
+    overlay = (product / "overlay.png").read_bytes()
+    (product / "overlay.png").write_bytes(b"")
+    assert wanted(settings) == {GOOD[0]: "product is damaged: overlay.png is missing"}
+    (product / "overlay.png").write_bytes(overlay[:-1])
+    assert wanted(settings) == {}
+    assert wanted(settings, verify=True) == {GOOD[0]: "product is damaged: overlay.png has changed since publication"}
+    (product / "overlay.png").write_bytes(overlay)
+    product.rename(product.with_name("elsewhere"))
+    assert wanted(settings) == {GOOD[0]: "product is gone"}
+    product.with_name("elsewhere").rename(product)
+
+
+def test_what_may_pass_is_tried_in_the_next_runs_but_not_for_ever(done: dict[str, Any], settings: Settings) -> None:
+    assert done
+    known = read_outcome(settings.books, BAD)
+    assert known is not None
+    try:
+        hung = replace(known, status="failed", reason="timed-out: it hung.", passing=True)
+        write_outcome(settings.books, hung)
+        assert wanted(settings) == {BAD: "failed before, may pass (timed-out)"}
+        write_outcome(settings.books, replace(hung, tries=settings.limits.tries))
+        assert wanted(settings) == {}
+    finally:
+        write_outcome(settings.books, known)
+
+
+def test_status_tells_counts_runs_steps_and_what_is_out_of_date(done: dict[str, Any], settings: Settings) -> None:
+    found = status_of(settings.store)
+    assert found["status"] == done["status"]
+    assert found["reasons"] == {"refused": {"image-unreadable": 1}}
+    assert found["runs"][-1]["run"] == done["run"]
+    steps = {row["step"]: row for row in found["steps"]}
+    assert steps["publish"]["done"] + steps["publish"]["cached"] == 2
+    assert steps["publish"]["peak_mb"] > 10
+    assert found["out_of_date"]["images"] == 0
+
+
+def test_parameters_travel_as_json_and_come_back(settings: Settings) -> None:
+    assert settings_of(**json.loads(json.dumps(parameters_of(settings)))) == settings
+    with pytest.raises(RefusedError, match="most_failed_percent"):
+        settings_of(images="europa57", store="out", most_failed_percent=101)
+
+
+def test_the_cache_is_pruned_longest_unused_first_and_what_is_in_use_stays(tmp_path: Path) -> None:
+    now = time.time()
+    for name, days in (("aa", 30), ("ab", 20), ("ac", 10), ("ad", 0)):
+        step = tmp_path / "point" / name / f"{name}cdef"
+        step.mkdir(parents=True)
+        (step / "arrays").write_bytes(b"x" * 1000)
+        (step / RECORD_FILE).write_text("{}")
+        os.utime(step / RECORD_FILE, (now, now - days * 86400))
+
+    def left() -> list[str]:
+        return sorted(path.name for path in (tmp_path / "point").glob("*/*"))
+
+    assert prune(tmp_path) == 0
+    assert prune(tmp_path, days=25) == 1002
+    assert left() == ["abcdef", "accdef", "adcdef"]
+    assert prune(tmp_path, limit_gb=2.1e-6) == 1002
+    assert left() == ["accdef", "adcdef"]
+    prune(tmp_path, limit_gb=0)
+    assert left() == ["adcdef"]
+
+
+def test_temporaries_of_the_dead_are_swept_everywhere(tmp_path: Path) -> None:
+    import platform
+
+    store, cache = tmp_path / "store", tmp_path / "cache"
+    dead, living = (f".x~{platform.node()}~{pid}~0123456789ab.tmp" for pid in (2**22 + 1, os.getpid()))
+    places = (store, store / ".reprocess" / "images", cache / "point" / "ab", cache)
+    for place in places:
+        for name in (dead, living):
+            (place / name).mkdir(parents=True)
+    sweep(store, cache)
+    assert [sorted(path.name for path in place.glob(".x*")) for place in places] == [[living]] * 4
+
+
+def test_digests_are_remembered_while_a_file_stays_what_it_is(tmp_path: Path) -> None:
+    file, book = tmp_path / "kernel.bsp", tmp_path / "digests.json"
+    file.write_bytes(b"one")
+    stat = file.stat()
+    signature = [stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino]
+    book.write_text(json.dumps({str(file.resolve()): [signature, "as remembered"]}))
+    remember_digests(book)
+    assert sha256_of_file(file) == "as remembered"
+    file.write_bytes(b"two")
+    assert sha256_of_file(file) != "as remembered"
+    book.write_text("no JSON")
+    remember_digests(book)
+
+
+def test_differences_name_kernels_steps_and_settings() -> None:
+    old = {
+        "kernels": [["a.tls", "1"], ["b.bsp", "2"]],
+        "code": {"point": "x", "range": "y"},
+        "settings": {"n": {"m": 1}},
+    }
+    new = {
+        "kernels": [["a.tls", "3"], ["c.bsp", "4"]],
+        "code": {"point": "z", "range": "y"},
+        "settings": {"n": {"m": 2}},
+    }
+    assert differences(old, new) == [
+        *("kernel a.tls", "kernel c.bsp (new)", "kernel b.bsp (gone)"),
+        "code of point",
+        "settings: n.m 1 -> 2",
+    ]
+    assert differences(old, old) == []

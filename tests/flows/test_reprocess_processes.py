@@ -1,0 +1,139 @@
+"""The processes that images are done in: what a hang, a death and a large image come to, and what is left of them."""
+
+import errno
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catalog.errors import FailedError, RefusedError
+from flows.faults.processes import runs
+from flows.reprocessing.claims import claimed, sweep_claims
+from flows.reprocessing.faults import can_pass
+from flows.reprocessing.settings import Limits
+from flows.reprocessing.workman import LostError, Workman
+
+LIMITS = Limits(image_timeout_s=120)
+
+
+def said(_: Any) -> None:
+    """Nobody listens."""
+
+
+@pytest.fixture
+def workman() -> Any:
+    one = Workman(module="fake_worker")
+    yield one
+    one.kill()
+
+
+@pytest.fixture(autouse=True)
+def fakes_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
+    here = Path(__file__).parent
+    monkeypatch.setenv("PYTHONPATH", f"{here}:{here.parent.parent}")
+
+
+def test_one_process_does_one_image_after_the_other(workman: Workman) -> None:
+    assert [workman.do({"do": "end"}, LIMITS, said)["pid"] for _ in range(3)] == [workman.pid] * 3
+
+
+def test_a_hung_step_is_ended_and_leaves_nothing(workman: Workman, tmp_path: Path) -> None:
+    job = {"do": "hang", "folder": str(tmp_path / "kind"), "started": str(tmp_path / "started")}
+    with pytest.raises(LostError, match="timed-out: step point-1 was at work"):
+        workman.do(job, Limits(image_timeout_s=3), said)
+    assert (tmp_path / "started").exists()
+    assert not runs(workman.pid)
+    assert list((tmp_path / "kind").iterdir()) == []
+
+
+def test_a_process_that_dies_is_told_with_its_step_and_how(workman: Workman) -> None:
+    with pytest.raises(LostError, match=r"worker-died: the process died in step point-1 \(exit status 3\)"):
+        workman.do({"do": "die"}, LIMITS, said)
+
+
+def test_an_image_that_takes_too_much_memory_is_ended(workman: Workman) -> None:
+    with pytest.raises(LostError, match="memory: step point-1 took"):
+        workman.do({"do": "grow"}, Limits(image_memory_mb=200), said)
+    assert not runs(workman.pid)
+
+
+def raised_from(error: Exception, cause: Exception) -> Exception:
+    error.__cause__ = cause
+    return error
+
+
+@pytest.mark.parametrize(
+    ("error", "passes"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), True),
+        (FileNotFoundError("a step's folder was pruned"), True),
+        (MemoryError(), True),
+        (ZeroDivisionError(), False),
+        (RefusedError("image-missing", "there is none."), False),
+        (FailedError("limb-not-measured", "no limb."), False),
+        (raised_from(RefusedError("image-missing", "gone."), FileNotFoundError(errno.ENOENT, "no")), False),
+        (raised_from(RefusedError("image-unreadable", "broken."), OSError(errno.EIO, "Input/output error")), True),
+        (raised_from(RefusedError("image-unreadable", "broken."), OSError(errno.ESTALE, "Stale handle")), True),
+        (raised_from(FailedError("store-unreachable", "no net."), ConnectionError("refused")), True),
+        (raised_from(ValueError("half a file"), OSError(errno.EIO, "Input/output error")), True),
+    ],
+)
+def test_trouble_of_disks_and_networks_can_pass_and_what_an_image_is_like_cannot(
+    error: Exception, passes: bool
+) -> None:
+    assert can_pass(error) is passes
+
+
+def test_two_at_once_take_turns_and_the_claim_is_gone_afterwards(tmp_path: Path) -> None:
+    order: list[str] = []
+    waited = threading.Event()
+
+    def second() -> None:
+        with claimed(tmp_path, "image", waited.set):
+            order.append("second")
+
+    with claimed(tmp_path, "image", said):  # type: ignore[arg-type]
+        thread = threading.Thread(target=second)
+        thread.start()
+        assert waited.wait(60)
+        order.append("first")
+    thread.join(60)
+    assert order == ["first", "second"]
+    assert not list(tmp_path.rglob("*.lock"))
+
+
+def test_claims_of_the_dead_are_swept_and_those_of_the_living_are_not(tmp_path: Path) -> None:
+    with claimed(tmp_path, "living", lambda: None):
+        abandoned = next(tmp_path.rglob("living.lock")).with_name("dead.lock")
+        abandoned.touch()
+        assert sweep_claims(tmp_path) == 1
+        assert [path.name for path in tmp_path.rglob("*.lock")] == ["living.lock"]
+
+
+@pytest.mark.parametrize(("fault", "attempts"), [("passing", 3), ("refused", 1)])
+def test_prefect_tries_again_only_after_faults_that_can_pass(
+    prefect_api: str, monkeypatch: pytest.MonkeyPatch, fault: str, attempts: int
+) -> None:
+    from types import SimpleNamespace
+
+    from prefect import flow
+
+    from flows.reprocessing import image_task
+
+    seen: list[str] = []
+
+    def ended(*_: Any) -> Any:
+        seen.append(fault)
+        return SimpleNamespace(passing=fault == "passing", status="refused", reason=f"{fault}: told.")
+
+    monkeypatch.setattr(image_task, "do_image", ended)
+    task = image_task.image_task(Limits(retries=2, retry_delay_s=0))
+
+    @flow
+    def one_image() -> Any:
+        return task("small", {}, return_state=True)
+
+    state = one_image(return_state=True)
+    assert seen == [fault] * attempts
+    assert state.is_failed()
