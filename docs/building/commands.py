@@ -1,5 +1,6 @@
 """The reference of the command line, made from the application itself."""
 
+import re
 from functools import cache
 
 from typer.core import TyperCommand, TyperGroup
@@ -10,6 +11,7 @@ from flows.cli import build_app
 
 Command = TyperCommand | TyperGroup
 PROGRAM = "planetpose"
+OPTION = re.compile(r"(?<![\w`-])(--[a-z][a-z-]+)")
 
 
 @cache
@@ -53,5 +55,5 @@ def section(words: str, command: Command) -> str:
         record = parameter.get_help_record(context)
         if parameter.name == "help" or record is None:
             continue
-        rows.append((code(record[0].strip()), record[1]))
+        rows.append((code(record[0].strip()), OPTION.sub(r"`\1`", record[1])))
     return "\n".join([*parts, table(("argument or option", "meaning"), rows) if rows else ""])
