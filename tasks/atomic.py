@@ -1,6 +1,10 @@
-"""Folders that appear whole under their name, or not at all, and are exchanged without a moment of absence."""
+"""Folders that appear whole under their name, or not at all, and are exchanged without a moment of absence.
+
+What takes a name is on the disk before: after a power cut too, a name stands for a whole folder, old or new.
+"""
 
 import ctypes
+import errno
 import os
 import platform
 import shutil
@@ -14,6 +18,7 @@ from typing import IO, Any
 
 TEMPORARY_SUFFIX = ".tmp"
 ABANDONED_AFTER_S = 24 * 3600.0
+FLUSHED_AT_ONCE = 16
 AT_FDCWD, RENAME_EXCHANGE = -100, 2  # fcntl.h, linux/fs.h
 
 
@@ -32,7 +37,9 @@ def folder_put_in_place(folder: Path, keep: Callable[[], bool] | None = None) ->
     temporary.mkdir()
     try:
         yield temporary
+        flush_folder(temporary)
         _put_in_place(temporary, folder, keep)
+        _flush_names(folder.parent)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -46,6 +53,7 @@ def file_put_in_place(path: Path) -> Iterator[Path]:
     temporary = path.parent / _temporary_name(path.name)
     try:
         yield temporary
+        flush_file(temporary)
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -65,6 +73,38 @@ def locked(file: IO[Any]) -> Iterator[None]:
         yield
     finally:
         fcntl.flock(file, fcntl.LOCK_UN)
+
+
+def flush_folder(folder: Path) -> None:
+    """Have the system write everything below `folder` to the disk. Raises OSError when it cannot."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    files = [Path(place) / name for place, _, names in os.walk(folder) for name in names]
+    with ThreadPoolExecutor(FLUSHED_AT_ONCE) as pool:  # a file system writes down several at the cost of one
+        list(pool.map(flush_file, files))
+        list(pool.map(_flush_names, [Path(place) for place, _, _ in os.walk(folder)]))
+
+
+def flush_file(path: Path) -> None:
+    """Have the system write a file to the disk. Raises OSError when it cannot."""
+    descriptor = os.open(path, os.O_RDONLY if os.name == "posix" else os.O_RDWR)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _flush_names(folder: Path) -> None:
+    """The same with the names in a folder, where the system knows how."""
+    with suppress(PermissionError):  # Windows opens no folder
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+                raise
+        finally:
+            os.close(descriptor)
 
 
 def _temporary_name(name: str) -> str:

@@ -1,5 +1,6 @@
 """A product appears whole or not at all: failures, kills, races and readers during an overwrite."""
 
+import errno
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
@@ -150,3 +152,36 @@ def test_only_existing_folders_are_exchanged(tmp_path):
     (tmp_path / "a").mkdir()
     assert not exchange(tmp_path / "a", tmp_path / "b")
     assert (tmp_path / "a").is_dir()
+
+
+def test_what_the_disk_does_not_take_does_not_take_the_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "product"
+    with folder_put_in_place(folder) as temporary:
+        (temporary / "part.txt").write_text("old")
+
+    def full(_: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("tasks.atomic.os.fsync", full)
+    with pytest.raises(OSError, match="No space left"), folder_put_in_place(folder) as temporary:
+        (temporary / "part.txt").write_text("new, and lost")
+    assert (folder / "part.txt").read_text() == "old"
+    assert [path.name for path in tmp_path.iterdir()] == ["product"]
+
+
+def test_every_file_is_on_the_disk_before_the_name_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder, flushed = tmp_path / "product", []
+    real = os.fsync
+
+    def noted(descriptor: int) -> None:
+        flushed.append((Path(os.readlink(f"/proc/self/fd/{descriptor}")).name, folder.exists()))
+        real(descriptor)
+
+    monkeypatch.setattr("tasks.atomic.os.fsync", noted)
+    with folder_put_in_place(folder) as temporary:
+        (temporary / "deep").mkdir()
+        (temporary / "deep" / "part.txt").write_text("new")
+        (temporary / "record.json").write_text("{}")
+    before = {name for name, there in flushed if not there}
+    assert {"part.txt", "record.json", "deep"} < before
+    assert flushed[-1] == (tmp_path.name, True)
