@@ -3,6 +3,7 @@
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol, TextIO
@@ -53,7 +54,8 @@ class Lines:
 
 
 class Live:
-    """A bar per image in work, with its step and iteration; finished images become lines above."""
+    """A bar per image in work, with its step and iteration, and one for all of them; finished images become lines
+    above."""
 
     def __init__(self, total: int, steps: int) -> None:
         from rich.console import Console
@@ -65,6 +67,8 @@ class Live:
         self._total = total
         self._done = 0
         self._rows: dict[str, tuple[TaskID, set[str]]] = {}
+        self._counts: Counter[str] = Counter()
+        self._all = self._progress.add_task("", total=total, product="all images") if total > 1 else None
         self._lock = threading.Lock()
 
     def __enter__(self) -> "Live":
@@ -91,6 +95,12 @@ class Live:
 
         with self._lock:
             self._done += 1
+            self._counts[status] += 1
+            if self._all is not None:
+                counts = ", ".join(f"{times} {name}" for name, times in self._counts.most_common())
+                self._progress.update(
+                    self._all, completed=self._done, description=f"{self._done}/{self._total}  {counts}"
+                )
             if product in self._rows:
                 self._progress.remove_task(self._rows.pop(product)[0])
             count = f"{self._done}/{self._total}  " if self._total > 1 else ""

@@ -1,4 +1,4 @@
-"""planetpose cache size|clear"""
+"""planetpose cache size|clear|prune"""
 
 from pathlib import Path
 from typing import Annotated
@@ -11,6 +11,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(help="Cached results of steps.", no_args_is_help=True)
     group.command()(size)
     group.command()(clear)
+    group.command()(prune)
     app.add_typer(group, name="cache")
 
 
@@ -40,6 +41,25 @@ def clear(
     for folder in found:
         shutil.rmtree(folder, ignore_errors=True)
         print(f"deleted {folder}")
+
+
+def prune(
+    limit_gb: Annotated[
+        float | None, typer.Option(min=0, help="Delete the longest unused until it is this small.")
+    ] = None,
+    days: Annotated[float | None, typer.Option(min=0, help="Delete what was not used for so long.")] = None,
+) -> None:
+    """Delete results that were not used for long, and temporaries of dead processes. What was used in the last six
+    hours stays; so do published products, which need no cache."""
+    from catalog.settings import cache_folder
+    from flows.reprocessing.sweep import prune as prune_cache
+    from flows.reprocessing.sweep import sweep_cache
+
+    if limit_gb is None and days is None:
+        raise typer.BadParameter("give --limit-gb, --days or both")
+    sweep_cache(cache_folder())
+    freed = prune_cache(cache_folder(), limit_gb, days)
+    print(f"freed {freed / 1e6:.1f} MB in {cache_folder()}")
 
 
 def step_folders(folder: Path) -> list[Path]:

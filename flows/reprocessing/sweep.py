@@ -21,10 +21,16 @@ IN_USE_S = 6 * 3600.0  # steps younger than this may belong to an image at work 
 def sweep(store: Path, cache: Path) -> None:
     """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
     books = store / BOOKS
-    for folder in (store, books, books / IMAGES, books / RUNS, cache):
+    for folder in (store, books, books / IMAGES, books / RUNS):
         if folder.is_dir():
             sweep_temporaries(folder)
     sweep_claims(store)
+    sweep_cache(cache)
+
+
+def sweep_cache(cache: Path) -> None:
+    """The same in a cache alone."""
+    sweep_temporaries(cache)
     for kind in STEP_KINDS:
         for folder in (cache / kind).glob("[0-9a-f][0-9a-f]"):
             sweep_temporaries(folder)

@@ -20,7 +20,7 @@ from flows.chain import Chain
 from flows.image import correct_image
 from flows.reprocessing.claims import claimed
 from flows.reprocessing.faults import can_pass
-from flows.reprocessing.memory import peak_mb, reset_peak, resident_mb
+from flows.reprocessing.memory import give_back, peak_mb, reset_peak, resident_mb
 from flows.request import Request
 from flows.result import result_of
 from tasks.record import RECORD_FILE, Record
@@ -86,6 +86,7 @@ def do(request: Request, voice: Voice) -> None:
         chain = Chain(request, lambda step: measured(step, voice, metrics))
         error = correct(chain)
         result = result_of(chain, error)
+    give_back()
     voice.say(
         "end",
         result=result,
