@@ -6,7 +6,7 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
-from building import api, cameras, commands, facts, outside, profiles, reasons, settings
+from building import api, cameras, commands, facts, outside, profiles, reasons, settings, targets
 
 LINE = re.compile(r"^<!-- made from: (\S+) ?(.*?) -->$", re.M)
 MAKERS: dict[str, Callable[[str], str]] = {
@@ -18,7 +18,9 @@ MAKERS: dict[str, Callable[[str], str]] = {
     "outside": outside.text_of,
     "profiles": profiles.page,
     "reasons": reasons.table,
+    "planes": targets.planes,
     "settings": settings.page,
+    "targets": targets.table,
 }
 
 

@@ -1,10 +1,13 @@
 """The examples of README and documentation run, and print what is shown."""
 
 import os
+import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests/tasks/products")]
@@ -12,11 +15,16 @@ sys.path[:0] = [str(ROOT / "docs"), str(ROOT / "tests/tasks/products")]
 from building.examples import alike, examples_in, fault_of  # noqa: E402
 from small_product import pose_of, small_publication  # noqa: E402
 
+from catalog.camera import Camera  # noqa: E402
 from catalog.pose import write_pose_file  # noqa: E402
+from catalog.target import Target  # noqa: E402
+from flows.profile import Profile  # noqa: E402
 from tasks.publish.index import open_index  # noqa: E402
 from tasks.publish.product import publish  # noqa: E402
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+CHECKED = re.compile(r"^<!-- checked as: (\w+) -->\n```toml\n(.*?)^```", re.M | re.S)
+MODELS: dict[str, type[BaseModel]] = {"camera": Camera, "target": Target, "profile": Profile}
 WORLDS = ("store", "small", "europa")
 HERE = [page for page in PAGES if any(example.world in ("store", "small") for example in examples_in(page))]
 
@@ -32,13 +40,29 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def environment(world: Path) -> dict[str, str]:
+    """Of commands: `planetpose` is this one, with its own cache and no kernels."""
+    here = {
+        "PLANETPOSE_CACHE": str(world / "cache"),
+        "PLANETPOSE_STATE": str(world / "state"),
+        "PLANETPOSE_KERNELS": "",
+    }
+    return os.environ | here | {"PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])}
+
+
 @pytest.mark.parametrize("page", HERE, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_examples_run_and_print_what_is_shown(page: Path, world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(world)
     names: dict[str, object] = {}
     for example in examples_in(page):
         if example.world in ("store", "small"):
-            assert fault_of(example, world, dict(os.environ), names) is None, f"{page}, line {example.line}"
+            assert fault_of(example, world, environment(world), names) is None, f"{page}, line {example.line}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_files_that_are_shown_are_valid(page: Path) -> None:
+    for kind, content in CHECKED.findall(page.read_text(encoding="utf-8")):
+        MODELS[kind].model_validate({"name": "own", **tomllib.loads(content)})
 
 
 def test_every_example_has_a_world_that_is_run() -> None:

@@ -17,7 +17,8 @@ from building.examples import examples_in, fault_of
 pytestmark = pytest.mark.real
 
 EUROPA = "galileo/C0552809300R.IMG"
-PAGES = [page for page in sorted((ROOT / "docs").rglob("*.md")) if any(e.world == "europa" for e in examples_in(page))]
+DOCUMENTS = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md"]
+PAGES = [page for page in DOCUMENTS if any(example.world == "europa" for example in examples_in(page))]
 
 
 @pytest.fixture(scope="module")
