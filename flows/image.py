@@ -3,8 +3,10 @@
 The same lines run the steps, as Prefect tasks or not, and look up what is already done: see `flows.chain`.
 """
 
+from pathlib import Path
 from typing import Any
 
+from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
@@ -62,7 +64,7 @@ def ingest(chain: Chain) -> dict[str, Any]:
         "target_name": request.target,
         "target_names": target_names_digest(),
         "product": request.product,
-    }
+    } | label_inputs(request.image)
     return chain.do("ingest", "tasks.ingest.step", inputs, image_places(chain))
 
 
@@ -73,7 +75,14 @@ def image_places(chain: Chain) -> dict[str, Any]:
 
 def image_inputs(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
     """What the pixels and the label depend on."""
-    return {"image": frame["sha256"], "camera": frame["camera"], "target_name": chain.request.target}
+    inputs = {"image": frame["sha256"], "camera": frame["camera"], "target_name": chain.request.target}
+    return inputs | label_inputs(chain.request.image)
+
+
+def label_inputs(image: Path) -> dict[str, str]:
+    """The detached label, which readers look for beside the image, by content; nothing when there is none."""
+    label = label_beside(image)
+    return {"label": digest_of(label, "label")} if label else {}
 
 
 def pose(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from datetime import date, datetime
 from pathlib import Path
 from typing import Any
 
+from catalog.detached import label_beside
 from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 
 
@@ -12,14 +13,13 @@ def detached_label(path: Path) -> dict[str, Any]:
 
     A label that cannot be parsed does not stop an image that carries its own: its fault is kept as PDS_LABEL_FAULT.
     """
-    for suffix in (".LBL", ".lbl"):
-        beside = path.with_suffix(suffix)
-        if beside != path and beside.is_file() and beside.stat().st_size <= MAX_LABEL_BYTES:
-            try:
-                return parse_label(beside.read_bytes().decode("latin-1"))
-            except ValueError as error:
-                return {"PDS_LABEL_FAULT": f"{beside.name}: {error}"}
-    return {}
+    beside = label_beside(path)
+    if beside is None or beside.stat().st_size > MAX_LABEL_BYTES:
+        return {}
+    try:
+        return parse_label(beside.read_bytes().decode("latin-1"))
+    except ValueError as error:
+        return {"PDS_LABEL_FAULT": f"{beside.name}: {error}"}
 
 
 def parse_label(content: str) -> dict[str, Any]:

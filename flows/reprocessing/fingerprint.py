@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from catalog.detached import label_beside
 from catalog.digest import sha256_of_file, sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.settings import PROJECT_ROOT
@@ -35,7 +36,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
     which the image's own steps will tell."""
     return {
         "image": content(request.image, "image"),
-        "label": next((content(path, "label") for path in labels_beside(request.image) if path.is_file()), None),
+        "label": content(label_beside(request.image), "label"),
         "camera": told(lambda: sha256_of_json(camera_inputs(request))),
         "target": request.target,
         "pose file": content(request.pose_file, "pose file"),
@@ -63,11 +64,6 @@ def told(find: Any) -> Any:
         return find()
     except PlanetposeError as error:
         return f"fault: {error.reason}"
-
-
-def labels_beside(image: Path) -> list[Path]:
-    """Where a detached label would be."""
-    return [image.with_suffix(suffix) for suffix in (".LBL", ".lbl")]
 
 
 @cache

@@ -12,6 +12,7 @@ import pytest
 
 from catalog.digest import remember_digests, sha256_of_file
 from catalog.errors import RefusedError
+from flows.image import label_inputs
 from flows.progress import Silent
 from flows.reprocessing import command
 from flows.reprocessing.fingerprint import differences
@@ -244,3 +245,14 @@ def test_differences_name_kernels_steps_and_settings() -> None:
         "settings: n.m 1 -> 2",
     ]
     assert differences(old, old) == []
+
+
+def test_a_detached_label_counts_by_its_content(tmp_path: Path) -> None:
+    image, label = tmp_path / "C1.IMG", tmp_path / "C1.LBL"
+    image.write_bytes(b"pixels")
+    assert label_inputs(image) == {}
+    label.write_text("one")
+    before = label_inputs(image)
+    label.write_text("two and more")
+    assert label_inputs(image).keys() == before.keys() == {"label"}
+    assert label_inputs(image) != before

@@ -1,0 +1,12 @@
+"""Where the detached label of an image is."""
+
+from pathlib import Path
+
+
+def label_beside(path: Path) -> Path | None:
+    """The label that lies beside an image (same name, .LBL or .lbl); None when there is none."""
+    for suffix in (".LBL", ".lbl"):
+        beside = path.with_suffix(suffix)
+        if beside != path and beside.is_file():
+            return beside
+    return None
