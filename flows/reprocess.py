@@ -6,6 +6,8 @@ the list.
 """
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from queue import SimpleQueue
 from typing import Any
 
@@ -90,23 +92,30 @@ def work_through(run: Run) -> None:
     one_image, at_once = image_task(settings.limits), settings.at_a_time + 1
     free = threading.Semaphore(at_once)
     ended: SimpleQueue[str] = SimpleQueue()
+    with task_runner(settings.runner, settings.at_a_time) as runner, workers_at_hand():
+        for plan in run.plans():
+            if not plan.do:
+                run.tally.add(plan.last, done=False)
+                continue
+            if len(run.why) == 1:
+                save_digests()  # the workers need not compute them
+            free.acquire()
+            note(run, ended)
+            product = plan.request.product
+            future = runner.submit(one_image, {"product": product, "job": job_of(plan, settings, run.name)})
+            future.add_done_callback(Ended(product, ended, free))
+        for _ in range(at_once):
+            free.acquire()
+            note(run, ended)
+
+
+@contextmanager
+def workers_at_hand() -> Iterator[None]:
+    """Processes for the images of the `with` block. When it is interrupted they are killed at once: the task runner
+    would wait for what they are at."""
     workforce.open()
     try:
-        with task_runner(settings.runner, settings.at_a_time) as runner:
-            for plan in run.plans():
-                if not plan.do:
-                    run.tally.add(plan.last, done=False)
-                    continue
-                if len(run.why) == 1:
-                    save_digests()  # the workers need not compute them
-                free.acquire()
-                note(run, ended)
-                product = plan.request.product
-                future = runner.submit(one_image, {"product": product, "job": job_of(plan, settings, run.name)})
-                future.add_done_callback(Ended(product, ended, free))
-            for _ in range(at_once):
-                free.acquire()
-                note(run, ended)
+        yield
     finally:
         workforce.close()
 

@@ -46,9 +46,15 @@ class Run:
             yield plan
 
     def outcome_of_this_run(self, product: str) -> Outcome | None:
-        """What this run came to for a product; None when it was lost on the way."""
+        """What became of a product since the run began, be it by another run at the same time; None when it was lost
+        on the way."""
         outcome = read_outcome(self.settings.books, product)
-        return outcome if outcome and outcome.run == self.name else None
+        return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
+
+    @property
+    def began(self) -> str:
+        """UTC of the run's beginning."""
+        return datetime.fromtimestamp(self.started, UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
 
     @property
     def too_many_failed(self) -> bool:
@@ -108,7 +114,7 @@ def finish(run: Run) -> dict[str, Any]:
         "store": str(settings.store),
         "profile": settings.profile,
         "workers": settings.at_a_time,
-        "started": datetime.fromtimestamp(run.started, UTC).isoformat(timespec="seconds"),
+        "started": run.began,
         "wall_s": round(time.time() - run.started, 2),
         **run.tally.summary(),
         "too_many_failed": run.too_many_failed,
