@@ -1,6 +1,8 @@
 """Deployments of a rehearsal: those of deploy/prefect.yaml, with a schedule that fires within seconds."""
 
 import json
+import os
+import sys
 import time
 import urllib.request
 from base64 import b64encode
@@ -14,6 +16,8 @@ from flows.rehearsal.processes import CREDENTIALS, Installation
 
 POOL = "planetpose"
 PREFECT_FILE = PROJECT_ROOT / "deploy" / "prefect.yaml"
+SET_UP = PROJECT_ROOT / "deploy" / "setup.sh"
+TEMPLATED = {"PLANETPOSE_HOME": str(PROJECT_ROOT), "PLANETPOSE_RUNNER": "threads", "PLANETPOSE_TIMEZONE": "UTC"}
 ENDED = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
 
 
@@ -27,14 +31,20 @@ def rehearsed(deployment: str, parameters: dict[str, Any], every_s: float | None
     return {**content, "deployments": [chosen]}
 
 
+def set_up(installation: Installation, images: Path, store: str) -> None:
+    """Run deploy/setup.sh, as deploy/README.md has it. Raises RehearsalError with what it said when it fails."""
+    binaries = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
+    asked = {"PLANETPOSE_IMAGES": str(images), "PLANETPOSE_STORE": store, "PATH": binaries}
+    installation.run(["sh", str(SET_UP)], asked)
+
+
 def deploy(installation: Installation, deployment: str, parameters: dict[str, Any], every_s: float | None) -> None:
-    """Make the work pool and the deployment, as deploy/README.md has it."""
+    """Replace a deployment that `set_up` made (see `rehearsed`)."""
     path = installation.folder / "prefect.yaml"
     path.write_text(yaml.safe_dump(rehearsed(deployment, parameters, every_s)), encoding="utf-8")
-    home = {"PLANETPOSE_HOME": str(PROJECT_ROOT)}
-    installation.prefect("work-pool", "create", POOL, "--type", "process", "--overwrite")
     # Entry points are relative to the project, and so is the folder that `prefect deploy` runs in.
-    installation.prefect("deploy", "--prefect-file", str(path), "--all", environment=home, folder=PROJECT_ROOT)
+    command = [sys.executable, "-m", "prefect", "--no-prompt", "deploy", "--prefect-file", str(path), "--all"]
+    installation.run(command, TEMPLATED, PROJECT_ROOT)
 
 
 class Api:
@@ -66,15 +76,15 @@ class Api:
         """Flow runs whose state is one of these types."""
         return [run for run in self.runs() if run["state_type"] in states]
 
-    def finished_tasks(self, run: str) -> int:
-        """Tasks of a flow run that are completed."""
-        query = {"flow_runs": {"id": {"any_": [run]}}, "task_runs": {"state": {"type": {"any_": ["COMPLETED"]}}}}
-        return int(self.post("/task_runs/count", query))
-
-    def start(self, deployment: str) -> str:
-        """Have a deployment run now; the run's id."""
+    def start(self, deployment: str, parameters: dict[str, Any]) -> str:
+        """Have a deployment run now, with some parameters replaced; the run's id."""
         found = self.post("/deployments/filter", {"deployments": {"name": {"any_": [deployment]}}})
-        return str(self.post(f"/deployments/{found[0]['id']}/create_flow_run", {"state": {"type": "SCHEDULED"}})["id"])
+        asked = {"state": {"type": "SCHEDULED"}, "parameters": {**found[0]["parameters"], **parameters}}
+        return str(self.post(f"/deployments/{found[0]['id']}/create_flow_run", asked)["id"])
+
+    def state_of(self, run: str) -> str:
+        """Type of a flow run's state."""
+        return str(self.post("/flow_runs/filter", {"flow_runs": {"id": {"any_": [run]}}})[0]["state_type"])
 
 
 def products(store: Path) -> list[str]:

@@ -5,8 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from flows.server import answers, free_port
@@ -90,12 +89,12 @@ def _signal(pid: int, number: signal.Signals) -> None:
 class Installation:
     """One server on PostgreSQL behind a password, and what its clients need to know, in a folder of its own."""
 
-    def __init__(self, folder: Path, database_url: str) -> None:
+    def __init__(self, folder: Path, database_url: str, environment: Mapping[str, str]) -> None:
         self.folder = folder
         self.port = free_port()
         self.api_url = f"http://127.0.0.1:{self.port}/api"
         inherited = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
-        common = {**inherited, "DO_NOT_TRACK": "1", "PREFECT_SERVER_ANALYTICS_ENABLED": "false"}
+        common = {**inherited, **environment, "DO_NOT_TRACK": "1", "PREFECT_SERVER_ANALYTICS_ENABLED": "false"}
         self._server_environment = {
             **common,
             "PREFECT_HOME": str(folder / "server"),
@@ -133,23 +132,12 @@ class Installation:
         command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", pool, "--type", "process"]
         return Session(command, self.client_environment, self.folder / "worker.log", self.folder)
 
-    def prefect(self, *arguments: str, environment: Mapping[str, str] | None = None, folder: Path | None = None) -> str:
-        """Output of a `prefect` command against the server. Raises RehearsalError with what it said when it fails."""
-        command = [sys.executable, "-m", "prefect", "--no-prompt", *arguments]
-        known = {**self.client_environment, **(environment or {})}
+    def run(self, command: list[str], environment: Mapping[str, str], folder: Path | None = None) -> str:
+        """Output of a command that uses the server. Raises RehearsalError with what it said when it fails."""
+        known = {**self.client_environment, **environment}
         done = subprocess.run(
             command, env=known, cwd=folder or self.folder, capture_output=True, text=True, check=False
         )
         if done.returncode:
-            raise RehearsalError(f"prefect {' '.join(arguments)}: {done.stdout}{done.stderr}")
+            raise RehearsalError(f"{' '.join(command)}: {done.stdout}{done.stderr}")
         return done.stdout
-
-
-@contextmanager
-def running(*sessions: Session) -> Iterator[None]:
-    """End the sessions with the block, last first."""
-    try:
-        yield
-    finally:
-        for session in reversed(sessions):
-            session.end()

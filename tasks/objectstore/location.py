@@ -46,7 +46,9 @@ def open_object_store(url: str) -> ObjectStore:
     here, or no bucket."""
     import fsspec
 
-    protocol = url.partition(SEPARATOR)[0]
+    protocol, _, bucket = url.partition(SEPARATOR)
+    if not bucket.strip("/"):
+        raise RefusedError("store-unknown", f"store {url} names no bucket.", "Use s3://bucket/prefix.")
     try:
         files, root = fsspec.url_to_fs(url.rstrip("/"), **OPTIONS.get(protocol, {}))
     except ImportError as error:
@@ -54,10 +56,7 @@ def open_object_store(url: str) -> ObjectStore:
         raise RefusedError("store-driver-missing", f"store {url}: {error}.", remedy) from error
     except ValueError as error:
         raise RefusedError("store-unknown", f"store {url}: {error}.", "Use a folder or s3://bucket/prefix.") from error
-    root = root.rstrip("/")
-    if protocol == S3 and not root.strip("/"):
-        raise RefusedError("store-unknown", f"store {url} names no bucket.", "Use s3://bucket/prefix.")
-    return ObjectStore(files, root, url.rstrip("/"))
+    return ObjectStore(files, root.rstrip("/"), url.rstrip("/"))
 
 
 @contextmanager

@@ -1,0 +1,206 @@
+"""A store in S3, against moto's server: whole products or none, whatever dies in between."""
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from catalog.errors import FailedError, RefusedError
+from tasks.objectstore.location import ObjectStore, open_object_store
+from tasks.objectstore.publishing import CUBE_OPENER, publish_product, published_key
+from tasks.objectstore.reading import download_product, object_store_index, publish_index, whole_products
+from tasks.objectstore.step import UploadStep
+from tasks.publish.checksums import checksum_faults, write_checksums
+from tasks.publish.index import INDEX
+from tasks.record import RECORD_FILE
+from tasks.step import run
+
+BUCKET = "products"
+pytestmark = pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated")
+
+
+@pytest.fixture(scope="module")
+def s3() -> Iterator[str]:
+    """Address of an S3 server of this process; the environment names it as AWS' tools want."""
+    server = pytest.importorskip("moto.server")
+    served = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    served.start()
+    host, port = served.get_host_and_port()
+    with pytest.MonkeyPatch.context() as patch:
+        for name in [name for name in os.environ if name.startswith("AWS_")]:
+            patch.delenv(name)
+        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
+        patch.setenv("AWS_ACCESS_KEY_ID", "test")
+        patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
+        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
+        import boto3
+
+        boto3.client("s3").create_bucket(Bucket=BUCKET)
+        yield f"http://{host}:{port}"
+    served.stop()
+
+
+@pytest.fixture
+def url(s3: str, request: pytest.FixtureRequest) -> str:
+    """A store of the test's own."""
+    return f"s3://{BUCKET}/{abs(hash(request.node.name))}"
+
+
+def write_product(store: Path, key: str, value: float = 1.0, extra: bool = False) -> Path:
+    """A product with a real cube; `extra`: and one more file."""
+    import xarray as xr
+
+    folder = store / "C0001"
+    folder.mkdir(parents=True, exist_ok=True)
+    image = xr.Dataset({"image": (("y", "x"), np.full((8, 8), value, np.float32))}, attrs={"value": value})
+    image.to_zarr(folder / "cube.zarr", mode="w", consolidated=False, zarr_format=3)
+    (folder / "result.json").write_text(json.dumps({"product": "C0001", "status": "ok"}))
+    if extra:
+        (folder / "extra.txt").write_text("older version")
+    write_checksums(folder)
+    (folder / RECORD_FILE).write_text(json.dumps({"key": key}))
+    return folder
+
+
+def fields(store: ObjectStore) -> set[str]:
+    return {path.partition("/C0001/")[2] for path in store.files.find(store.root)}
+
+
+def test_a_published_cube_opens_by_its_s3_address_and_equals_the_local_one(url: str, tmp_path: Path) -> None:
+    import xarray as xr
+
+    copied = publish_product(write_product(tmp_path, "k1", 3.0), open_object_store(url))
+    with xr.open_zarr(f"{url}/C0001/cube.zarr") as cube, xr.open_zarr(tmp_path / "C0001" / "cube.zarr") as local:
+        xr.testing.assert_identical(cube.load(), local.load())
+    assert copied.files == sum(path.is_file() for path in (tmp_path / "C0001").rglob("*"))
+    assert published_key(open_object_store(url), "C0001") == "k1"
+
+
+def test_a_newer_product_replaces_the_older_one_and_leaves_nothing_of_it(url: str, tmp_path: Path) -> None:
+    store = open_object_store(url)
+    publish_product(write_product(tmp_path / "old", "k1", 1.0, extra=True), store)
+    copied = publish_product(write_product(tmp_path / "new", "k2", 2.0), store)
+    assert copied.deleted == 1
+    assert "extra.txt" not in fields(store)
+    assert published_key(store, "C0001") == "k2"
+    back = download_product(store, "C0001", tmp_path / "back")
+    assert checksum_faults(back) == []
+
+
+@pytest.mark.parametrize("puts", range(4))
+def test_a_writer_that_dies_leaves_no_product_and_the_next_one_mends_it(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, puts: int
+) -> None:
+    import xarray as xr
+
+    store = open_object_store(f"{url}-{puts}")
+    publish_product(write_product(tmp_path / "old", "k1", 1.0), store)
+    newer = write_product(tmp_path / "new", "k2", 2.0)
+    done: list[str] = []
+
+    def dies(put: Any) -> Any:
+        def putting(*arguments: Any, **options: Any) -> Any:
+            if len(done) == puts:
+                raise KeyboardInterrupt
+            done.append("put")
+            return put(*arguments, **options)
+
+        return putting
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(store.files, "put", dies(store.files.put))
+        patch.setattr(store.files, "put_file", dies(store.files.put_file))
+        publish_product(newer, store)
+    assert published_key(store, "C0001") is None
+    assert whole_products(store) == {}
+    if CUBE_OPENER not in fields(store):
+        with pytest.raises((FileNotFoundError, KeyError)):
+            xr.open_zarr(f"{store.url}/C0001/cube.zarr", consolidated=False)
+    publish_product(newer, store)
+    with xr.open_zarr(f"{store.url}/C0001/cube.zarr") as cube:
+        assert float(cube["image"].min()) == float(cube["image"].max()) == cube.attrs["value"] == 2.0
+    assert checksum_faults(download_product(store, "C0001", tmp_path / "back")) == []
+
+
+def test_what_other_products_are_called_does_not_matter(url: str, tmp_path: Path) -> None:
+    store = open_object_store(url)
+    publish_product(write_product(tmp_path, "k1"), store)
+    store.files.pipe_file(store.path("C00011", "cube.zarr", "zarr.json"), b"{}")
+    store.files.pipe_file(store.path("index.parquet"), b"")
+    publish_product(write_product(tmp_path, "k2"), store)
+    assert list(whole_products(store)) == ["C0001"]
+    assert store.files.exists(store.path("C00011", "cube.zarr", "zarr.json"))
+
+
+def step_of(url: str, folder: Path, key: str) -> UploadStep:
+    inputs = {"url": url, "product": "C0001", "publish": key}
+    return UploadStep(
+        "upload", "tasks.objectstore.step", "C0001", folder.parent / "cache", inputs, {"folder": str(folder)}
+    )
+
+
+def test_the_step_asks_the_store_whether_it_is_done(url: str, tmp_path: Path) -> None:
+    folder = write_product(tmp_path, "k1")
+    step = step_of(url, folder, "k1")
+    assert step.record() is None
+    assert run(step, lambda *_: None).result["files"] > 0
+    assert step.record() is not None
+    store = open_object_store(url)
+    store.files.rm_file(store.path("C0001", RECORD_FILE))
+    assert step.record() is None  # whatever the cache says
+    run(step, lambda *_: None)
+    assert step.record() is not None
+    assert step_of(url, folder, "k2").record() is None
+
+
+def test_the_index_follows_the_products_in_the_store(url: str, tmp_path: Path) -> None:
+    import pandas as pd
+
+    store, mirror = open_object_store(url), tmp_path / "mirror"
+    publish_product(write_product(tmp_path / "a", "k1"), store)
+    table = publish_index(store, mirror)
+    assert list(table["product"]) == ["C0001"]
+    assert list(pd.read_parquet(f"{url}/{INDEX}")["cube"]) == ["C0001/cube.zarr"]
+    store.files.rm_file(store.path("C0001", RECORD_FILE))
+    assert len(object_store_index(store, mirror)) == 0
+
+
+def test_a_store_that_is_not_there_or_may_not_be_used_is_told(
+    s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = write_product(tmp_path, "k1")
+    with pytest.raises(FailedError, match="bucket") as missing:
+        publish_product(folder, open_object_store("s3://nowhere/at-all"))
+    assert missing.value.code == "store-missing"
+    with pytest.raises(RefusedError, match="names no bucket"):
+        open_object_store("s3://")
+    with pytest.raises(RefusedError, match="ftp42"):
+        open_object_store("ftp42://host/folder")
+
+
+def test_a_lost_connection_is_a_fault_that_can_pass(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    from botocore.exceptions import EndpointConnectionError
+
+    from flows.reprocessing.faults import can_pass
+
+    store = open_object_store(url)
+
+    def lost(_: str) -> bytes:
+        raise EndpointConnectionError(endpoint_url="http://127.0.0.1:9")
+
+    monkeypatch.setattr(store.files, "cat_file", lost)
+    with pytest.raises(FailedError, match="cannot be reached") as unreachable:
+        published_key(store, "C0001")
+    assert can_pass(unreachable.value)
+
+
+def test_names_in_a_store_do_not_leave_the_folder_they_are_copied_to(url: str, tmp_path: Path) -> None:
+    store = open_object_store(url)
+    publish_product(write_product(tmp_path, "k1"), store)
+    for name in ("../C0001", "..", "C0001/cube.zarr", ""):
+        with pytest.raises(RefusedError):
+            download_product(store, name, tmp_path / "back")
