@@ -9,6 +9,7 @@ from typing import Any
 from catalog.errors import PlanetposeError
 from catalog.times import now_utc
 from flows.progress import Reporter, Silent
+from flows.reprocessing.claims import sweep_claims
 from flows.reprocessing.outcomes import Outcome, read_outcome, write_outcome
 from flows.reprocessing.planning import Plan
 from flows.reprocessing.settings import BOOKS, Limits, Settings, processors
@@ -55,6 +56,7 @@ def do_image(job: Job, workforce: Workforce, reporter: Reporter | None = None) -
     try:
         outcome = outcome_of(job, workforce.do(job, limits, tell))
     except LostError as lost:
+        sweep_claims(Path(job["request"]["store"]))
         if workforce.is_closed:
             raise InterruptedRunError("interrupted", "the run was ended.") from lost
         outcome = outcome_of_lost(job, lost)
