@@ -18,14 +18,15 @@ COLD_BAR_S, RERUN_BAR_S = 360.0, 15.0
 
 def benchmark_archive(images: Path, profile: str, workers: int, folder: Path, tell: Tell) -> None:
     """Reprocess the list `images`: with nothing cached; once more; with another `accept` setting, which the step
-    `publish` alone depends on; with another one of `validate`."""
+    `publish` alone depends on; with another one of `validate`, on which `publish` depends. A step that failed leaves
+    nothing in the cache, and is done in each run where something changed."""
     late = {"accept": {"sure_likeness": 0.79}}
     later = {"validate": changed_validate(profile)}
     runs = {
         "cold": (profile, COLD_BAR_S),
         "unchanged": (profile, RERUN_BAR_S),
         "another accept": (varied(profile, late, folder / "late.toml"), None),
-        "another validate": (varied(profile, late | later, folder / "late.toml"), None),
+        "another validate": (varied(profile, late | later, folder / "later.toml"), None),
     }
     for name, (chosen, bar_s) in runs.items():
         command = started(images, chosen, workers, folder)
