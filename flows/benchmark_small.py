@@ -76,17 +76,18 @@ def server_pids(folder: Path) -> list[int]:
 
 
 def grown(samples: list[tuple[int, dict[str, float]]], count: int) -> dict[str, dict[str, float | int]]:
-    """Per process: MB at a tenth of the images, half-way, at the end, and the largest; samples: how many."""
+    """Per process: MB at a tenth of the images, half-way, with the last image, and the largest of all, the run's end
+    included, when index and tables are written; samples: how many."""
     found: dict[str, dict[str, float | int]] = {}
     warm = [(ended, sizes) for ended, sizes in samples if ended >= WARM * count]
-    for name in {name for _, sizes in warm for name in sizes}:
-        series = [sizes[name] for _, sizes in warm if name in sizes]
+    for name in {name for ended, sizes in warm for name in sizes if ended < count}:
+        series = [sizes[name] for ended, sizes in warm if name in sizes and ended < count]
         middle = series[len(series) // 2]
         found[name] = {
             "first": series[0],
             "middle": middle,
             "last": series[-1],
-            "largest": max(series),
+            "largest": max(sizes.get(name, 0.0) for _, sizes in warm),
             "samples": len(series),
         }
     return dict(sorted(found.items()))
