@@ -21,13 +21,12 @@ TEMPLATED = {"PLANETPOSE_HOME": str(PROJECT_ROOT), "PLANETPOSE_RUNNER": "threads
 ENDED = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
 
 
-def rehearsed(deployment: str, parameters: dict[str, Any], every_s: float | None) -> dict[str, Any]:
-    """deploy/prefect.yaml with only the named deployment, other parameters, and a schedule every so many seconds
-    (None: no schedule)."""
+def rehearsed(deployment: str, parameters: dict[str, Any], every_s: float) -> dict[str, Any]:
+    """deploy/prefect.yaml with only the named deployment, some other parameters, and a schedule of so many seconds."""
     content = yaml.safe_load(PREFECT_FILE.read_text(encoding="utf-8"))
     chosen = next(entry for entry in content["deployments"] if entry["name"] == deployment)
     chosen["parameters"] = {**chosen.get("parameters", {}), **parameters}
-    chosen["schedules"] = [{"interval": every_s}] if every_s else []
+    chosen["schedules"] = [{"interval": every_s}]
     return {**content, "deployments": [chosen]}
 
 
@@ -38,7 +37,7 @@ def set_up(installation: Installation, images: Path, store: str) -> None:
     installation.run(["sh", str(SET_UP)], asked)
 
 
-def deploy(installation: Installation, deployment: str, parameters: dict[str, Any], every_s: float | None) -> None:
+def deploy(installation: Installation, deployment: str, parameters: dict[str, Any], every_s: float) -> None:
     """Replace a deployment that `set_up` made (see `rehearsed`)."""
     path = installation.folder / "prefect.yaml"
     path.write_text(yaml.safe_dump(rehearsed(deployment, parameters, every_s)), encoding="utf-8")
@@ -78,9 +77,16 @@ class Api:
 
     def start(self, deployment: str, parameters: dict[str, Any]) -> str:
         """Have a deployment run now, with some parameters replaced; the run's id."""
-        found = self.post("/deployments/filter", {"deployments": {"name": {"any_": [deployment]}}})
-        asked = {"state": {"type": "SCHEDULED"}, "parameters": {**found[0]["parameters"], **parameters}}
-        return str(self.post(f"/deployments/{found[0]['id']}/create_flow_run", asked)["id"])
+        found = self._deployment(deployment)
+        asked = {"state": {"type": "SCHEDULED"}, "parameters": {**found["parameters"], **parameters}}
+        return str(self.post(f"/deployments/{found['id']}/create_flow_run", asked)["id"])
+
+    def pause(self, deployment: str) -> None:
+        """Let its schedule rest; runs that are only planned are forgotten."""
+        self.post(f"/deployments/{self._deployment(deployment)['id']}/pause_deployment", {})
+
+    def _deployment(self, name: str) -> dict[str, Any]:
+        return dict(self.post("/deployments/filter", {"deployments": {"name": {"any_": [name]}}})[0])
 
     def state_of(self, run: str) -> str:
         """Type of a flow run's state."""

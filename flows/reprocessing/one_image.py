@@ -15,6 +15,7 @@ from flows.reprocessing.planning import Plan
 from flows.reprocessing.settings import BOOKS, Limits, Settings, processors
 from flows.reprocessing.workforce import Workforce
 from flows.reprocessing.workman import LostError, Message
+from flows.runners import THREADS
 
 Job = dict[str, Any]
 DIGESTS = "digests.json"
@@ -34,9 +35,14 @@ def job_of(plan: Plan, settings: Settings, run: str) -> Job:
         "fingerprint": plan.fingerprint,
         "limits": settings.limits.model_dump(),
         "digests": str(settings.cache.absolute() / DIGESTS),
-        "threads": max(processors() // settings.at_a_time, 1),
+        "threads": threads_of(settings),
         "run": run,
     }
+
+
+def threads_of(settings: Settings) -> int:
+    """Threads that the process of one image may use: its share of this machine, or the one of a Dask worker's."""
+    return max(processors() // settings.at_a_time, 1) if settings.runner == THREADS else 1
 
 
 def do_image(job: Job, workforce: Workforce, reporter: Reporter | None = None) -> Outcome:

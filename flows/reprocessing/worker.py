@@ -65,9 +65,17 @@ def main() -> int:
     threading.Thread(target=listen, args=(jobs,), daemon=True, name="listen").start()
     job = json.loads(jobs.get())
     remember_digests(Path(job["digests"]))
+    limit_renderer(int(job.get("threads", 1)))
     while True:
         do(Request.model_validate(job["request"]), voice)
         job = json.loads(jobs.get())
+
+
+def limit_renderer(threads: int) -> None:
+    """Mitsuba's own threads, which no variable of the environment limits."""
+    import drjit
+
+    drjit.set_thread_count(threads)
 
 
 def listen(jobs: "SimpleQueue[str]") -> None:
