@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|faults|reprocess"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|faults|reprocess|deploy|throughput"""
 
 from typing import Annotated
 
@@ -6,6 +6,7 @@ import typer
 
 from flows.cli.faults import faults, reprocess
 from flows.cli.fuzz import fuzz
+from flows.cli.rehearsal import deploy, throughput
 
 
 def register(app: typer.Typer) -> None:
@@ -19,6 +20,8 @@ def register(app: typer.Typer) -> None:
     group.command()(fuzz)
     group.command()(faults)
     group.command()(reprocess)
+    group.command()(deploy)
+    group.command()(throughput)
     app.add_typer(group, name="benchmark")
 
 
