@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flows.rehearsal.archive import LIST, PROFILE_FILE, write_archive
 from flows.rehearsal.deployment import ENDED, POOL, Api, deploy, products, set_up
 from flows.rehearsal.postgres import PrivatePostgres
 from flows.rehearsal.processes import Installation, RehearsalError, Session, wait_until
+from flows.small_archive import LIST, PROFILE_FILE, write_small_archive
 
 DEPLOYMENT = "nightly"
 EVERY_S = 5.0
@@ -95,7 +95,7 @@ def stage(images: int) -> Iterator[Stage]:
         prepared = Stage(folder, images, database, installation, Api(installation))
         ends.callback(prepared.end)
         prepared.start_server()
-        write_archive(folder / "images", images)
+        write_small_archive(folder / "images", images)
         set_up(installation, folder / "images" / LIST, str(folder / "unused"))
         yield prepared
 

@@ -6,9 +6,16 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from flows.rehearsal.archive import PROFILE_FILE, write_archive
+from flows.small_archive import write_small_archive
 
 WARM_UP_PER_WORKER = 3
+PROFILE_FILE = "three-steps.toml"
+PROFILE = """passes = 1
+steps = ["point", "range", "attitude"]
+[accept]
+min_likeness = 0.3
+sure_likeness = 0.4
+"""
 
 
 def measure_throughput(count: int, workers: list[int], tell: Callable[[str], None]) -> dict[str, Any]:
@@ -22,7 +29,7 @@ def measure_throughput(count: int, workers: list[int], tell: Callable[[str], Non
     prepare(server_choice(None))
     with tempfile.TemporaryDirectory(prefix="planetpose-throughput-") as scratch:
         folder = Path(scratch)
-        images = write_archive(folder / "images", count)
+        images = write_archive(folder / "images", count, seed=1)
         found = {number: _measured(number, images, count, folder, tell) for number in workers}
     first, last = found[workers[0]], found[workers[-1]]
     return {
@@ -30,6 +37,13 @@ def measure_throughput(count: int, workers: list[int], tell: Callable[[str], Non
         "runs": [{"workers": number, **figures} for number, figures in found.items()],
         "gain": round(last["images_per_s"] / first["images_per_s"], 3),
     }
+
+
+def write_archive(folder: Path, count: int, seed: int) -> Path:
+    """Small images with a profile of some seconds of work each; path of their list."""
+    images = write_small_archive(folder, count, seed)
+    (folder / PROFILE_FILE).write_text(PROFILE, encoding="utf-8")
+    return images
 
 
 def _measured(workers: int, images: Path, count: int, folder: Path, tell: Callable[[str], None]) -> dict[str, float]:
