@@ -20,7 +20,7 @@ from flows.profile import DEFAULT_PROFILE
 from flows.reprocessing.image_task import audience, image_task
 from flows.reprocessing.one_image import job_of
 from flows.reprocessing.parameters import settings_of
-from flows.reprocessing.report import publish_report
+from flows.reprocessing.report import ProgressBar, publish_report
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.tally import in_words
@@ -28,6 +28,7 @@ from flows.reprocessing.workforce import workforce
 from flows.runners import task_runner
 
 TOO_MANY_FAILED = "TooManyFailed"
+LOST = "outcome-lost: its worker was lost, or what it came to could not be written into the store. Run it again."
 Summary = dict[str, Any]
 
 
@@ -90,7 +91,7 @@ def work_through(run: Run) -> None:
     """Do every image of the run that has to be done, some at a time."""
     settings = run.settings
     one_image, at_once = image_task(settings.limits), settings.at_a_time + 1
-    free = threading.Semaphore(at_once)
+    free, bar = threading.Semaphore(at_once), ProgressBar(run)
     ended: SimpleQueue[str] = SimpleQueue()
     with task_runner(settings.runner, settings.at_a_time) as runner, workers_at_hand():
         for plan in run.plans():
@@ -101,12 +102,14 @@ def work_through(run: Run) -> None:
                 save_digests()  # the workers need not compute them
             free.acquire()
             note(run, ended)
+            bar.show(run.tally.ended)
             product = plan.request.product
             future = runner.submit(one_image, {"product": product, "job": job_of(plan, settings, run.name)})
             future.add_done_callback(Ended(product, ended, free))
         for _ in range(at_once):
             free.acquire()
             note(run, ended)
+    bar.show(run.tally.ended, last=True)
 
 
 @contextmanager
@@ -126,7 +129,7 @@ def note(run: Run, ended: "SimpleQueue[str]") -> None:
         product = ended.get()
         outcome = run.outcome_of_this_run(product)
         run.tally.add(outcome, done=True)
-        status, reason = (outcome.status, outcome.reason) if outcome else ("failed", "worker-lost: no answer came.")
+        status, reason = (outcome.status, outcome.reason) if outcome else ("failed", LOST)
         audience().reporter.finished(product, status, reason)
         get_run_logger().info("%s: %s %s", product, status, reason or "", extra={"product": product})
 

@@ -52,6 +52,8 @@ def reprocess(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Correct the images of a list that are new or whose inputs, settings, kernels or code changed."""
+    from functools import partial
+
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
     from flows.reprocessing.command import run_reprocess
@@ -85,8 +87,7 @@ def reprocess(
         if dry_run:
             tell_plan(settings, answer, json)
             return
-        with telling(settings, quiet, log_json) as reporter:
-            summary = run_reprocess(settings, server_choice(server), reporter)
+        summary = run_reprocess(settings, server_choice(server), partial(telling, quiet=quiet, as_json=log_json))
         if json:
             write_json(answer, summary)
         else:

@@ -1,6 +1,8 @@
 """Reprocessing from a command line: Prefect is started only when there is something to do."""
 
 import logging
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from typing import Any
 
 from catalog.errors import FailedError, PlanetposeError
@@ -12,25 +14,27 @@ from flows.reprocessing.settings import Settings
 from flows.server import in_use, server_files
 
 Summary = dict[str, Any]
+Telling = Callable[[int], AbstractContextManager[Reporter]]
 logger = logging.getLogger("planetpose")
 
 
-def answer_without_work(settings: Settings) -> Summary | None:
-    """The run's summary if no image of the list has to be done, else None."""
-    run = begin(settings)
+def run_reprocess(settings: Settings, server: str, telling: Telling) -> Summary:
+    """Do what has to be done and return the run's summary; `telling` is asked for a reporter of so many images.
+
+    Raises RefusedError when list, profile or `only` are no good, FailedError when the store cannot be written to or
+    Prefect ended the flow."""
+    run, wanted = begin(settings), 0
     for plan in run.plans():
-        if plan.do:
-            return None
+        wanted += plan.do
         run.tally.add(plan.last, done=False)
-    return finish(run)
+    if not wanted:
+        return finish(run)
+    with telling(wanted) as reporter:
+        return run_with_prefect(settings, server, reporter)
 
 
-def run_reprocess(settings: Settings, server: str, reporter: Reporter) -> Summary:
-    """Do what has to be done and return the run's summary. Raises RefusedError when list, profile or `only` are no
-    good, FailedError when the store cannot be written to or Prefect ended the flow."""
-    answer = answer_without_work(settings)
-    if answer is not None:
-        return answer
+def run_with_prefect(settings: Settings, server: str, reporter: Reporter) -> Summary:
+    """Run the flow in this process."""
     prepare(server)
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 

@@ -19,7 +19,9 @@ from flows.runners import THREADS
 
 Job = dict[str, Any]
 DIGESTS = "digests.json"
+STEPS_LOGGER = "planetpose-steps"  # a tree of its own: Prefect would keep a row for every step
 logger = logging.getLogger("planetpose")
+steps_logger = logging.getLogger(STEPS_LOGGER)
 
 
 class InterruptedRunError(PlanetposeError):
@@ -54,6 +56,10 @@ def do_image(job: Job, workforce: Workforce, reporter: Reporter | None = None) -
     def tell(message: Message) -> None:
         if message["kind"] == "step":
             reporter.message(product, message["step"], message["iteration"], message["text"])
+        elif message["kind"] == "done":
+            figures = {name: message[name] for name in ("step", "seconds", "peak_mb", "cached")}
+            text = "from the cache" if message["cached"] else f"{message['seconds']} s"
+            steps_logger.info("%s  %s  %s", product, message["step"], text, extra={"product": product, **figures})
         elif message["kind"] == "log":
             level = logging.getLevelNamesMapping().get(message["level"], logging.WARNING)
             logger.log(level, "%s", message["text"], extra={"product": product})

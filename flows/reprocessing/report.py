@@ -2,7 +2,10 @@
 
 import base64
 import logging
+import math
+import time
 from typing import Any
+from uuid import UUID
 
 from flows.prefect_settings import server_is_lost
 from flows.reprocessing.outcomes import Outcome, all_outcomes
@@ -12,6 +15,7 @@ from flows.verdict import PUBLISHED
 
 Summary = dict[str, Any]
 FINISHED, TOO_MANY = "planetpose.reprocess.finished", "planetpose.reprocess.too-many-failed"
+TELL_EVERY_S = 10.0
 LISTED, PICTURES, PICTURE_SIDE_PX = 500, 6, 480
 logger = logging.getLogger("planetpose")
 
@@ -40,9 +44,44 @@ def make_artifacts(run: Run, summary: Summary) -> None:
     """A table of the run and a few of its overlays."""
     from prefect.artifacts import create_markdown_artifact, create_table_artifact
 
-    key = "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.settings.store.name.lower()).strip("-")
+    key = key_of(run)
     create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
     create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
+
+
+class ProgressBar:
+    """How far a run is, on Prefect's pages; told no oftener than every `TELL_EVERY_S`, and no more once that fails."""
+
+    def __init__(self, run: Run) -> None:
+        self._key = f"{key_of(run)}-progress"
+        self._images = len(run.requests)
+        self._id: UUID | None = None
+        self._next_s = 0.0
+
+    def show(self, ended: int, last: bool = False) -> None:
+        """So many images have ended, or need not be done. last: no more will be told, so this is."""
+        import httpx
+        from prefect.artifacts import create_progress_artifact, update_progress_artifact
+        from prefect.exceptions import PrefectException
+
+        if time.monotonic() < self._next_s and (not last or self._next_s == math.inf):
+            return
+        self._next_s = time.monotonic() + TELL_EVERY_S
+        percent = 100.0 * ended / max(self._images, 1)
+        try:
+            if self._id is None:
+                found = create_progress_artifact(percent, key=self._key, description=f"{self._images} images")
+                self._id = found if isinstance(found, UUID) else None
+            else:
+                update_progress_artifact(self._id, percent)
+        except (httpx.HTTPError, PrefectException, OSError) as error:
+            logger.warning("Prefect shows no more progress: %s: %s", type(error).__name__, error)
+            self._next_s = math.inf
+
+
+def key_of(run: Run) -> str:
+    """What the artifacts of a store's runs are called."""
+    return "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.settings.store.name.lower()).strip("-")
 
 
 def table_of(run: Run) -> list[dict[str, Any]]:

@@ -36,7 +36,7 @@ class Tally:
         status = outcome.status if outcome else "failed"
         self.status[status] += 1
         if status not in PUBLISHED:
-            self.codes[(outcome.code if outcome else None) or "worker-lost"] += 1
+            self.codes[(outcome.code if outcome else None) or "outcome-lost"] += 1
         if not done:
             return
         self.done[status] += 1
@@ -48,6 +48,11 @@ class Tally:
                 (self.steps_cached if step.get("cached") else self.steps_done)[name.partition("-")[0]] += 1
 
     @property
+    def ended(self) -> int:
+        """Images that were seen."""
+        return sum(self.status.values())
+
+    @property
     def not_published(self) -> int:
         """Images of the list that have no product."""
         return self.status["refused"] + self.status["failed"]
@@ -55,14 +60,14 @@ class Tally:
     @property
     def failed_percent(self) -> float:
         """Of the images that were seen."""
-        return 100.0 * self.not_published / max(sum(self.status.values()), 1)
+        return 100.0 * self.not_published / max(self.ended, 1)
 
     def summary(self) -> dict[str, Any]:
         """Plain JSON."""
         return {
             "images": self.images,
             "done": sum(self.done.values()),
-            "unchanged": sum(self.status.values()) - sum(self.done.values()),
+            "unchanged": self.ended - sum(self.done.values()),
             "status": {name: self.status[name] for name in STATUSES},
             "done_status": {name: self.done[name] for name in STATUSES},
             "codes": dict(self.codes.most_common()),

@@ -10,10 +10,11 @@ from typing import Any, TextIO
 
 from catalog.times import now_utc
 from flows.progress import Reporter, reporter
-from flows.reprocessing.settings import Settings
+from flows.reprocessing.one_image import STEPS_LOGGER
 from flows.verdict import PUBLISHED
 
 STEPS = 12  # of an image, about: the length of its bar
+FIGURES = ("product", "step", "seconds", "peak_mb", "cached")  # of log records, beside their text
 
 
 class JsonLines:
@@ -49,25 +50,28 @@ class JsonHandler(logging.Handler):
         self._lines = lines
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one record."""
-        product = getattr(record, "product", None)
-        self._lines.write(record.levelname.lower(), "log", product=product, text=self.format(record))
+        """Write one record; figures that belong to it become fields of their own."""
+        known = {name: getattr(record, name) for name in FIGURES if hasattr(record, name)}
+        event = "step-done" if "step" in known else "log"
+        self._lines.write(record.levelname.lower(), event, **known, text=self.format(record))
 
 
 @contextmanager
-def telling(settings: Settings, quiet: bool, as_json: bool) -> Iterator[Reporter]:
-    """The reporter of a run."""
+def telling(images: int, quiet: bool, as_json: bool) -> Iterator[Reporter]:
+    """The reporter of a run of so many images."""
     if not as_json:
-        from catalog.lists import load_image_list
-
-        total = len(load_image_list(settings.images).entries)
-        with reporter(total, STEPS, quiet) as told:
+        with reporter(images, STEPS, quiet) as told:
             yield told
         return
-    lines, logger = JsonLines(), logging.getLogger("planetpose")
-    handler = JsonHandler(lines)
-    logger.addHandler(handler)
+    lines = JsonLines()
+    handler, steps = JsonHandler(lines), logging.getLogger(STEPS_LOGGER)
+    listened = (logging.getLogger("planetpose"), steps)
+    steps.setLevel(logging.INFO)
+    steps.propagate = False
+    for logger in listened:
+        logger.addHandler(handler)
     try:
         yield lines
     finally:
-        logger.removeHandler(handler)
+        for logger in listened:
+            logger.removeHandler(handler)

@@ -130,6 +130,7 @@ def measured(step: Step, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Re
     if finished is not None:
         mark_as_used(step.folder)
         metrics[step.name] = {"seconds": finished.seconds, "peak_mb": None, "cached": True}
+        voice.say("done", step=step.name, **metrics[step.name])
         return finished
     reset_peak()
     started = time.perf_counter()
@@ -138,6 +139,7 @@ def measured(step: Step, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Re
     finally:
         seconds = round(time.perf_counter() - started, 4)
         metrics[step.name] = {"seconds": seconds, "peak_mb": peak_mb(), "cached": False}
+        voice.say("done", step=step.name, **metrics[step.name])
 
 
 def mark_as_used(folder: Path) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import time
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,12 @@ from flows.reprocessing.sweep import prune, sweep
 from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from flows.status import status_of
 from tasks.record import RECORD_FILE
+
+
+def nobody(_: int) -> AbstractContextManager[Silent]:
+    """Tell nobody."""
+    return nullcontext(Silent())
+
 
 GOOD, BAD = ("small-00000", "small-00001"), "small-00002"
 
@@ -49,7 +56,7 @@ def settings(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Setting
 @pytest.fixture(scope="module")
 def done(prefect_api: str, settings: Settings) -> dict[str, Any]:
     """The summary of the first run."""
-    return command.run_reprocess(settings, prefect_api, Silent())
+    return command.run_reprocess(settings, prefect_api, nobody)
 
 
 def wanted(settings: Settings, **changes: Any) -> dict[str, str]:
@@ -98,7 +105,7 @@ def test_a_rerun_does_nothing_and_asks_no_server(
         raise AssertionError("a server was asked for")
 
     monkeypatch.setattr(command, "prepare", no_server)
-    again = command.run_reprocess(settings, "local", Silent())
+    again = command.run_reprocess(settings, "local", nobody)
     assert (again["done"], again["unchanged"], again["status"]) == (0, 3, done["status"])
 
 
