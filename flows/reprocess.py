@@ -58,6 +58,7 @@ def reprocess(
     verify: bool = False,
     dry_run: bool = False,
     most_failed_percent: float = 5.0,
+    fetch: bool = False,
     archive: str | None = None,
     cache: str | None = None,
     cache_limit_gb: float | None = None,

@@ -43,6 +43,7 @@ def reprocess(
     most_failed_percent: Annotated[
         float, typer.Option(min=0, max=100, help="More failed images make the flow fail and raise the alarm.")
     ] = 5.0,
+    fetch: Annotated[bool, typer.Option("--fetch", help="First get what the list names and is not there.")] = False,
     archive: Annotated[Path | None, typer.Option(help="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")] = None,
     cache_limit_gb: Annotated[Number, typer.Option(min=0, help="Prune the cache of steps to this size.")] = None,
     cache_days: Annotated[Number, typer.Option(min=0, help="Prune what was not used for so long.")] = None,
@@ -77,6 +78,7 @@ def reprocess(
         retries=retries,
         retry_delay_s=retry_delay_s,
         most_failed_percent=most_failed_percent,
+        fetch=fetch,
         archive=archive,
         cache_limit_gb=cache_limit_gb,
         cache_days=cache_days,

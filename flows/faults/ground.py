@@ -36,12 +36,12 @@ class Place:
 @dataclass
 class Ground:
     """folder: all of it. images: how many. chunks: per product the digests of its cube's arrays, as an undisturbed run
-    made them. work_s: how long that run worked."""
+    made them. steps: how many steps that run did."""
 
     folder: Path
     images: int
     chunks: dict[str, dict[str, str]] = field(default_factory=dict)
-    work_s: float = 0.0
+    steps: int = 0
 
     def prepare(self) -> None:
         """Write the archive and do the undisturbed run. Raises RuntimeError when that is not ok."""
@@ -52,7 +52,7 @@ class Ground:
         summary = command.summary
         if status != 0 or summary is None:
             raise RuntimeError("the undisturbed run was not ok: " + "; ".join(command.noise[-5:]))
-        self.work_s = summary["wall_s"]
+        self.steps = sum(summary["steps_done"].values())
         self.chunks = {product.name: chunks_of(product) for product in products_in(place.store)}
 
     @property

@@ -70,11 +70,6 @@ class Command:
             return None
         return found if isinstance(found, dict) else None
 
-    def await_work(self) -> bool:
-        """Wait until an image is at work; False when the command ended before."""
-        wait_for(lambda: self.has_ended or bool(self.stamps["step"]))
-        return not self.has_ended
-
     def await_end(self, patience_s: float | None = None) -> int:
         """Wait for its end; its exit status. Raises subprocess.TimeoutExpired when that takes too long."""
         status = self._process.wait(patience_s)

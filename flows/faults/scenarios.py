@@ -15,6 +15,7 @@ from flows.faults.processes import PATIENCE_S, Command, kill, runs, wait_for
 
 Disturb = Callable[[Ground, Place, random.Random], str]
 SMALLEST_DISK_KB = 300
+LITTLE_S = 0.3
 LIMIT_BYTES = 9_000  # no array of an image fits, its records do
 
 
@@ -94,13 +95,13 @@ KILLS: dict[str, Disturb] = {
 
 
 def at_random_moment(ground: Ground, place: Place, chance: random.Random, *options: str) -> tuple[Command, str]:
-    """A command, started and let work for a while, and how long in words."""
+    """A command, started and let work until it has begun so many steps and a little longer, and that in words."""
     command = ground.start(place, *options)
-    if not command.await_work():
-        return command, "ended at once: " + "; ".join(command.noise[-2:])
-    seconds = chance.uniform(0.0, ground.work_s)
-    wait_for(lambda: command.has_ended, seconds)
-    return command, f"after {seconds:.2f} s" + (" (had ended)" if command.has_ended else "")
+    begun, more_s = chance.randrange(1, ground.steps), chance.uniform(0.0, LITTLE_S)
+    wait_for(lambda: command.has_ended or len(command.stamps["step"]) >= begun)
+    wait_for(lambda: command.has_ended, more_s)
+    moment = f"{more_s:.2f} s into step {begun} of {ground.steps}"
+    return command, moment + (" (HAD ENDED)" if command.has_ended else "")
 
 
 def ended(command: Command) -> str:

@@ -14,17 +14,23 @@ from flows.request import Request
 def requests_of(settings: Settings) -> list[Request]:
     """One request per image of the list, in its order. Raises RefusedError when list or profile are unknown, or no
     product matches `only`."""
-    found = load_image_list(settings.images)
-    if settings.only:
-        found = found.only(settings.only)
-        if not found.entries:
-            raise RefusedError(
-                "nothing-to-reprocess",
-                f"no product of {settings.images} matches {', '.join(settings.only)}.",
-                "See `planetpose catalog show LIST`.",
-            )
-    profile = find_profile(settings.profile)
+    found, profile = listed(settings), find_profile(settings.profile)
     return [request_of(found, entry, settings, profile) for entry in found.entries]
+
+
+def listed(settings: Settings) -> ImageList:
+    """The image list, or those of it that match `only`. Raises RefusedError as `requests_of`."""
+    found = load_image_list(settings.images)
+    if not settings.only:
+        return found
+    chosen = found.only(settings.only)
+    if not chosen.entries:
+        raise RefusedError(
+            "nothing-to-reprocess",
+            f"no product of {settings.images} matches {', '.join(settings.only)}.",
+            "See `planetpose catalog show LIST`.",
+        )
+    return chosen
 
 
 def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, profile: Profile) -> Request:

@@ -11,12 +11,13 @@ from typing import Any
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from flows.indexing import index_store
+from flows.reprocessing.fetching import fetch_missing
 from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
 from flows.reprocessing.outcomes import Outcome, read_outcome
 from flows.reprocessing.parameters import parameters_of
 from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.requests import requests_of
+from flows.reprocessing.requests import listed, requests_of
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
 from flows.reprocessing.tally import Tally, row_of, write_tables
@@ -67,6 +68,8 @@ def begin(settings: Settings) -> Run:
     when the store cannot be written to."""
     forget()
     remember_digests(settings.cache / DIGESTS)
+    if settings.fetch:
+        fetch_missing(listed(settings), settings)
     requests = requests_of(settings)
     try:
         settings.books.mkdir(parents=True, exist_ok=True)

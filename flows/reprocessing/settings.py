@@ -30,14 +30,14 @@ class Limits(BaseModel):
 
 
 class Settings(BaseModel):
-    """images: an image list, by name or file. store: where products are published.
-    publish_to: URL of an object store that they are then copied to. only: shell patterns of products.
-    kernels: for images whose list names none; None takes those of the environment. force: do also what is unchanged
-    (steps that are cached stay). again: do also what was refused or failed before. verify: compare every product with
-    its checksums. workers: images at a time, 0: one per processor. runner: see `flows.runners`; whichever it is,
-    every image is done by a process of its own. archive: folder of fetched files. cache:
-    of steps. cache_limit_gb, cache_days: what is pruned of it after the run. most_failed_percent: of the list; more
-    failures than that make the run fail and raise the alarm."""
+    """images: an image list, by name or file. store: where products are published. publish_to: URL of an object store
+    that they are then copied to. only: shell patterns of products. kernels: for images whose list names none; None
+    takes those of the environment. force: do also what is unchanged (steps that are cached stay). again: do also what
+    was refused or failed before. verify: compare every product with its checksums. workers: images at a time, 0: one
+    per processor. runner: see `flows.runners`; whichever it is, every image is done by a process of its own. fetch:
+    first get what the list names and is not there. archive: folder of fetched files. cache: of steps. cache_limit_gb,
+    cache_days: what is pruned of it after the run. most_failed_percent: of the list; more failures than that make the
+    run fail and raise the alarm."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     images: str = Field(min_length=1)
@@ -51,6 +51,7 @@ class Settings(BaseModel):
     force: bool = False
     again: bool = False
     verify: bool = False
+    fetch: bool = False
     archive: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
     cache_limit_gb: float | None = Field(None, ge=0)

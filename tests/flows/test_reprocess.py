@@ -19,7 +19,7 @@ from flows.reprocessing import command
 from flows.reprocessing.fingerprint import differences
 from flows.reprocessing.outcomes import read_outcome, write_outcome
 from flows.reprocessing.parameters import parameters_of, settings_of
-from flows.reprocessing.run import planned
+from flows.reprocessing.run import begin, planned
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
 from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
@@ -263,3 +263,17 @@ def test_a_detached_label_counts_by_its_content(tmp_path: Path) -> None:
     label.write_text("two and more")
     assert label_inputs(image).keys() == before.keys() == {"label"}
     assert label_inputs(image) != before
+
+
+def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    mirrored = tmp_path / "mirror" / "pds-rings" / "volumes" / "there.png"
+    mirrored.parent.mkdir(parents=True)
+    mirrored.write_bytes(b"pixels")
+    (tmp_path / LIST).write_text("product,image\nA,pds-rings:volumes/there.png\nB,pds-rings:volumes/gone.png\n")
+    monkeypatch.setenv("PLANETPOSE_MIRROR", str(tmp_path / "mirror"))
+    place = {"store": tmp_path / "store", "cache": tmp_path / "cache", "archive": tmp_path / "archive"}
+    run = begin(settings_of(images=str(tmp_path / LIST), fetch=True, **place))
+    assert [request.image.exists() for request in run.requests] == [True, False]
+    assert "gone.png was not fetched" in caplog.text
