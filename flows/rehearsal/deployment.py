@@ -1,4 +1,4 @@
-"""Deployments of a rehearsal: those of deploy/prefect.yaml, with a schedule that fires within seconds."""
+"""Deployments of a rehearsal, which deploy/setup.sh makes, and what is asked of the server about them."""
 
 import json
 import os
@@ -9,25 +9,12 @@ from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
-import yaml  # type: ignore[import-untyped]
-
 from catalog.settings import PROJECT_ROOT
 from flows.rehearsal.processes import CREDENTIALS, Installation
 
 POOL = "planetpose"
-PREFECT_FILE = PROJECT_ROOT / "deploy" / "prefect.yaml"
 SET_UP = PROJECT_ROOT / "deploy" / "setup.sh"
-TEMPLATED = {"PLANETPOSE_HOME": str(PROJECT_ROOT), "PLANETPOSE_RUNNER": "threads", "PLANETPOSE_TIMEZONE": "UTC"}
 ENDED = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
-
-
-def rehearsed(deployment: str, parameters: dict[str, Any], every_s: float) -> dict[str, Any]:
-    """deploy/prefect.yaml with only the named deployment, some other parameters, and a schedule of so many seconds."""
-    content = yaml.safe_load(PREFECT_FILE.read_text(encoding="utf-8"))
-    chosen = next(entry for entry in content["deployments"] if entry["name"] == deployment)
-    chosen["parameters"] = {**chosen.get("parameters", {}), **parameters}
-    chosen["schedules"] = [{"interval": every_s}]
-    return {**content, "deployments": [chosen]}
 
 
 def set_up(installation: Installation, images: Path, store: str) -> None:
@@ -37,24 +24,19 @@ def set_up(installation: Installation, images: Path, store: str) -> None:
     installation.run(["sh", str(SET_UP)], asked)
 
 
-def deploy(installation: Installation, deployment: str, parameters: dict[str, Any], every_s: float) -> None:
-    """Replace a deployment that `set_up` made (see `rehearsed`)."""
-    path = installation.folder / "prefect.yaml"
-    path.write_text(yaml.safe_dump(rehearsed(deployment, parameters, every_s)), encoding="utf-8")
-    # Entry points are relative to the project, and so is the folder that `prefect deploy` runs in.
-    command = [sys.executable, "-m", "prefect", "--no-prompt", "deploy", "--prefect-file", str(path), "--all"]
-    installation.run(command, TEMPLATED, PROJECT_ROOT)
-
-
 class Api:
     """What a rehearsal asks the server."""
 
     def __init__(self, installation: Installation) -> None:
         self._url = installation.api_url
 
-    def post(self, path: str, content: dict[str, Any]) -> Any:
-        """The answer to a POST; connections that a restarting database breaks are tried again."""
-        request = urllib.request.Request(f"{self._url}{path}", json.dumps(content).encode(), method="POST")
+    def post(self, path: str, content: Any) -> Any:
+        """The answer to a POST."""
+        return self._call("POST", path, content)
+
+    def _call(self, method: str, path: str, content: Any) -> Any:
+        """The answer to a call; one that a restarting database breaks is tried again."""
+        request = urllib.request.Request(f"{self._url}{path}", json.dumps(content).encode(), method=method)
         request.add_header("Content-Type", "application/json")
         request.add_header("Authorization", "Basic " + b64encode(CREDENTIALS.encode()).decode())
         for wait_s in (0.5, 1, 2, 4, 8, None):
@@ -80,6 +62,13 @@ class Api:
         found = self._deployment(deployment)
         asked = {"state": {"type": "SCHEDULED"}, "parameters": {**found["parameters"], **parameters}}
         return str(self.post(f"/deployments/{found['id']}/create_flow_run", asked)["id"])
+
+    def schedule(self, deployment: str, every_s: float, parameters: dict[str, Any]) -> None:
+        """Have a deployment run every so many seconds, with some parameters replaced."""
+        found = self._deployment(deployment)
+        path = f"/deployments/{found['id']}"
+        self._call("PATCH", path, {"parameters": {**found["parameters"], **parameters}})
+        self.post(f"{path}/schedules", [{"active": True, "schedule": {"interval": every_s}}])
 
     def pause(self, deployment: str) -> None:
         """Let its schedule rest; runs that are only planned are forgotten."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flows.rehearsal.deployment import ENDED, POOL, Api, deploy, products, set_up
+from flows.rehearsal.deployment import ENDED, POOL, Api, products, set_up
 from flows.rehearsal.postgres import PrivatePostgres
 from flows.rehearsal.processes import Installation, RehearsalError, Session, wait_until
 from flows.small_archive import LIST, PROFILE_FILE, write_small_archive
@@ -103,7 +103,7 @@ def stage(images: int) -> Iterator[Stage]:
 def schedule_fires(on: Stage) -> dict[str, Any]:
     """A schedule of a few seconds: how long until a run is begun, and until it has ended well."""
     place = "scheduled"
-    deploy(on.installation, DEPLOYMENT, on.parameters(place), EVERY_S)
+    on.api.schedule(DEPLOYMENT, EVERY_S, on.parameters(place))
     on.start_worker()
     began = wait_until("a scheduled run", lambda: bool(on.api.runs_in("RUNNING", *ENDED)))
     took = wait_until("its end", lambda: bool(on.api.runs_in("COMPLETED", "FAILED", "CRASHED")), RUN_TIMEOUT_S)
