@@ -28,7 +28,7 @@ PUT_TOGETHER = {
 # A reason that is told without an error: a doubt, or what is no expected failure.
 SAID = re.compile(r"([a-z]+(?:-[a-z]+)+|bug): ")
 WORTH_A_LOOK = re.compile(rf"Error\(|type\(error\)|[\"']{SAID.pattern}")  # parsing all modules takes seconds
-NO_DOUBT = ("bug", "file-trouble")
+NO_DOUBT = ("bug", "file-trouble", "outcome-lost")
 
 
 def table(_: str = "") -> str:
