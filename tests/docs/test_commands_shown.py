@@ -14,7 +14,8 @@ sys.path.insert(0, str(ROOT / "docs"))
 from building.commands import Command, application  # noqa: E402
 from typer.core import TyperGroup  # noqa: E402
 
-PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+TOP = [ROOT / name for name in ("README.md", "CHANGELOG.md", "deploy/README.md")]
+PAGES = [*TOP, *sorted((ROOT / "docs").rglob("*.md"))]
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.M | re.S)
 INLINE = re.compile(r"`(planetpose [^`]+)`")
 
