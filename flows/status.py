@@ -24,21 +24,25 @@ SHOWN_RUNS, SHOWN_STEPS, SHOWN_PRODUCTS = 5, 10, 20
 
 
 def status_of(store: Path, plan: bool = True) -> Status:
-    """Plain JSON; keys as in the module's sentence. plan: whether to look what is out of date, for which the list and
-    settings of the latest run are read. Raises RefusedError when there is no such store."""
+    """Plain JSON; keys as in the module's sentence. not_remembered: products that no run made. stale: products of an
+    earlier run whose image was refused or failed since; they stay as they are. plan: whether to look what is out of
+    date, for which the list and settings of the latest run are read. Raises RefusedError when there is no such store."""
     if not store.is_dir():
         raise RefusedError("store-missing", f"there is no store {store}.", "Give the folder that products are in.")
     books = store / BOOKS
     outcomes = list(all_outcomes(books))
     runs = latest_runs(books)
     remembered = {outcome.product for outcome in outcomes}
+    not_published = {outcome.product for outcome in outcomes if outcome.status not in PUBLISHED}
+    there = products_in(store)
     return {
         "store": str(store),
         "images": len(outcomes),
         "status": {name: sum(outcome.status == name for outcome in outcomes) for name in STATUSES},
         "reasons": reasons_of(outcomes),
         "may_pass": sum(outcome.passing for outcome in outcomes),
-        "not_remembered": sorted(products_in(store) - remembered),
+        "not_remembered": sorted(there - remembered),
+        "stale": sorted(there & not_published),
         "runs": runs,
         "steps": steps_of(outcomes),
         "slowest_images": [
@@ -122,8 +126,3 @@ def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
         "why": dict(Counter(plan.why for plan in wanted).most_common(SHOWN_STEPS)),
         "products": [plan.request.product for plan in wanted[:SHOWN_PRODUCTS]],
     }
-
-
-def all_published(status: Status) -> bool:
-    """Whether no image of the store is refused or failed."""
-    return all(not count for name, count in status["status"].items() if name not in PUBLISHED)

@@ -36,6 +36,8 @@ def lines_of(found: dict[str, Any]) -> list[str]:
         lines.append(f"  {name:10s} {count:6d}" + (f"  {reasons}" if reasons else ""))
     if found["not_remembered"]:
         lines.append(f"  {len(found['not_remembered'])} products that no run knows (`planetpose correct` made them)")
+    if found["stale"]:
+        lines.append(f"  {len(found['stale'])} products of earlier runs whose image was refused or failed since")
     if found["runs"]:
         lines += ["", "latest runs              images   done  failed %   wall s   busy s  peak MB"]
         lines += [

@@ -179,6 +179,18 @@ def test_status_tells_counts_runs_steps_and_what_is_out_of_date(done: dict[str, 
     assert steps["publish"]["done"] + steps["publish"]["cached"] == 2
     assert steps["publish"]["peak_mb"] > 10
     assert found["out_of_date"]["images"] == 0
+    assert (found["stale"], found["not_remembered"]) == ([], [])
+
+
+def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any], settings: Settings) -> None:
+    assert done
+    known = read_outcome(settings.books, GOOD[0])
+    assert known is not None
+    try:
+        write_outcome(settings.books, replace(known, status="failed", reason="no-limb: none."))
+        assert status_of(settings.store, plan=False)["stale"] == [GOOD[0]]
+    finally:
+        write_outcome(settings.books, known)
 
 
 def test_parameters_travel_as_json_and_come_back(settings: Settings) -> None:
