@@ -26,7 +26,7 @@ SHOWN_RUNS, SHOWN_STEPS, SHOWN_PRODUCTS = 5, 10, 20
 def status_of(store: Path, plan: bool = True) -> Status:
     """Plain JSON; keys as in the module's sentence. not_remembered: products that no run made. stale: products of an
     earlier run whose image was refused or failed since; they stay as they are. plan: whether to look what is out of
-    date, for which the list and settings of the latest run are read. Raises RefusedError when there is no such store."""
+    date, by list and settings of the latest run. Raises RefusedError when there is no such store."""
     if not store.is_dir():
         raise RefusedError("store-missing", f"there is no store {store}.", "Give the folder that products are in.")
     books = store / BOOKS
