@@ -205,3 +205,52 @@ def test_names_in_a_store_do_not_leave_the_folder_they_are_copied_to(url: str, t
     for name in ("../C0001", "..", "C0001/cube.zarr", ""):
         with pytest.raises(RefusedError):
             download_product(store, name, tmp_path / "back")
+
+
+def test_an_image_is_corrected_into_the_store_and_a_lost_copy_costs_only_the_copying(
+    url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import xarray as xr
+
+    from flows.chain import Chain
+    from flows.image import correct_image
+    from flows.places import place_of
+    from flows.plan import answer_from_cache
+    from flows.request import Request
+    from flows.result import result_of
+    from flows.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE, write_small_archive
+
+    monkeypatch.setenv("PLANETPOSE_STATE", str(tmp_path / "state"))
+    archive = write_small_archive(tmp_path / "archive", 1).parent
+    place = place_of(url)
+    request = Request(
+        image=archive / "small-00000.png",
+        store=place.store,
+        publish_to=place.publish_to,
+        camera=str(archive / CAMERA_FILE),
+        target="europa",
+        pose_file=archive / POSE_FILE,
+        profile=str(archive / PROFILE_FILE),
+        kernels=(),
+        cache=tmp_path / "cache",
+    )
+
+    def corrected() -> dict[str, Any]:
+        chain = Chain(request, lambda step: run(step, lambda *_: None))
+        correct_image(chain)
+        return result_of(chain)
+
+    assert answer_from_cache(request) is None
+    first = corrected()
+    assert first["cube"] == f"{url}/small-00000/cube.zarr"
+    with xr.open_zarr(first["cube"]) as cube:
+        assert cube.attrs["product"] == "small-00000"
+    cached = answer_from_cache(request)
+    assert cached is not None
+    assert cached["cube"] == first["cube"]
+    store = open_object_store(url)
+    store.files.rm_file(store.path("small-00000", RECORD_FILE))
+    assert answer_from_cache(request) is None
+    again = corrected()
+    assert set(again["seconds"]) - set(again["cached"]) == {"upload"}
+    assert checksum_faults(download_product(store, "small-00000", tmp_path / "back")) == []
