@@ -1,6 +1,5 @@
 """planetpose status STORE"""
 
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -12,16 +11,22 @@ def register(app: typer.Typer) -> None:
 
 
 def status(
-    store: Annotated[Path, typer.Argument(help="Folder that `planetpose reprocess` publishes in.", show_default=False)],
+    store: Annotated[
+        str,
+        typer.Argument(
+            help="Where `planetpose reprocess` publishes: a folder, or s3://bucket/prefix.", show_default=False
+        ),
+    ],
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     plan: Annotated[bool, typer.Option("--plan/--no-plan", help="Look what is out of date.")] = True,
 ) -> None:
     """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
     from flows.cli.output import clean_stdout, write_json
+    from flows.places import place_of
     from flows.status import status_of
 
     with clean_stdout() as answer:
-        found = status_of(store, plan)
+        found = status_of(place_of(store).store, plan)
         if json:
             write_json(answer, found)
             return
