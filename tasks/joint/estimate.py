@@ -11,9 +11,10 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.correction import Correction
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
+from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, solve_joint
-from tasks.joint.uncertainty import DistortionError, bent, covariance, systematic, untold_directions
+from tasks.joint.uncertainty import DistortionError, bent, covariance, of_the_body, systematic, untold_directions
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -33,10 +34,13 @@ DISAGREEMENT_PX = 0.3
 
 @dataclass(frozen=True)
 class Estimate:
-    """free: solution with the range free; state: with the trajectory's range. free_covariance, covariance: (8, 8), all
-    errors included."""
+    """free: solution with the range free, at its own scale; shown: its covariance (8, 8) by its residuals. free_state,
+    state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
+    these, all errors included."""
 
     free: Solution
+    shown: Array
+    free_state: State
     state: State
     free_covariance: Array
     covariance: Array
@@ -107,24 +111,48 @@ def estimated(
     """Solve with the range free, then weigh it against its prior (one step of a Kalman filter)."""
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    near = solve_joint(observation, start, metadata, scene, coarse(settings), free_range, progress)
-    fine = settings.model_copy(update={"oversample": settings.oversample or fine_oversample(near.state, scene)})
-    free = solve_joint(observation, near.state, metadata, scene, fine, free_range, progress, warm=near)
-    radius = disk_radius_px(free.state.pose, scene.camera, scene.target)
+    first = Scale.of(observation, scene, start, settings.first_diameter_px)
+    scale = Scale.of(observation, scene, start, settings.diameter_px)
+    if first.n > scale.n:
+        start = first.up(_solved(first, start, metadata, coarse(settings), free_range, progress).state)
+    near = _solved(scale, start, metadata, coarse(settings), free_range, progress)
+    fine = settings.model_copy(update={"oversample": settings.oversample or fine_oversample(near.state, scale.scene)})
+    free = _solved(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
+    state = scale.up(free.state)
+    radius = disk_radius_px(state.pose, scene.camera, scene.target)
+    bending = None if distortion.bending is None else scale.planes_down(distortion.bending)
     shown = covariance(free.problem, free.fit)
-    errors = shown + systematic(settings.systematic, radius, distortion.smooth_px)
-    errors += bent(free, distortion.bending)
+    errors = scale.covariance_up(shown + bent(free, bending))
+    errors += systematic(settings.systematic, radius, distortion.smooth_px) + of_the_body(scene.target, radius)
     errors[free.held, :] = errors[:, free.held] = 0
     prior = sigmas[RANGE]
     if free.held[RANGE] or not np.isfinite(prior):
-        return Estimate(free, free.state, errors, errors)
+        return Estimate(free, shown, state, state, errors, errors)
     gain = errors[:, RANGE] / (errors[RANGE, RANGE] + prior**2)
-    surplus = difference(free.state, metadata, scene.camera)[RANGE]
-    return Estimate(
-        free,
-        free.state.moved(-gain * surplus, scene.camera),
-        errors,
-        errors - np.outer(gain, errors[RANGE]),
+    surplus = difference(state, metadata, scene.camera)[RANGE]
+    product = state.moved(-gain * surplus, scene.camera)
+    return Estimate(free, shown, state, product, errors, errors - np.outer(gain, errors[RANGE]))
+
+
+def _solved(
+    scale: Scale,
+    start: State,
+    metadata: State,
+    settings: JointSettings,
+    sigmas: Array,
+    progress: Progress | None = None,
+    warm: Solution | None = None,
+) -> Solution:
+    """`solve_joint` at a scale, from states of the whole image; its result is the scale's."""
+    return solve_joint(
+        scale.observation,
+        scale.down(start),
+        scale.down(metadata),
+        scale.scene,
+        settings,
+        sigmas,
+        progress,
+        warm,
     )
 
 
@@ -157,10 +185,11 @@ def second_start(
     step[estimate.free.held] = 0
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    other = solve_joint(observation, start.moved(step, scene.camera), metadata, scene, coarse(settings), free_range)
+    scale = Scale.of(observation, scene, start, settings.first_diameter_px)
+    other = _solved(scale, start.moved(step, scene.camera), metadata, coarse(settings), free_range)
     if not other.converged:
         return None
-    apart = difference(other.state, estimate.free.state, scene.camera)
+    apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
 
 
@@ -176,23 +205,22 @@ def as_correction(
     step = difference(estimate.state, start, scene.camera)
     sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0))
     free, held = estimate.free, estimate.free.held
-    surplus = float(difference(free.state, metadata, scene.camera)[RANGE])
+    surplus = float(difference(estimate.free_state, metadata, scene.camera)[RANGE])
     free_sigma = float(np.sqrt(estimate.free_covariance[RANGE, RANGE]))
     radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
-    shown = covariance(free.problem, free.fit)
     evidence: dict[str, Any] = {
         "iterations": len(free.history),
         "history": [taken.tolist() for taken in free.history],
         "unknowns": list(NAMES),
         "covariance": estimate.covariance.tolist(),
         "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
-        "held_by_prior": [u.to_dict() for u in untold_directions(free.fit, shown, sigmas, held)],
+        "held_by_prior": [u.to_dict() for u in untold_directions(free.fit, estimate.shown, sigmas, held)],
         "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),
         "roll_attitude_correlation": [correlation(estimate.covariance, ROLL, axis) for axis in (4, 5, 6)],
         "turn_about_sight_assigned_to": "camera" if sigmas[ROLL] > sigmas[ATTITUDE.start] else "target",
         "range_factor_prior_sigma": float(sigmas[RANGE]) if np.isfinite(sigmas[RANGE]) else None,
         "second_start_px": away_px,
-        "predicted_to_free": difference(free.state, metadata, scene.camera).tolist(),
+        "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
     }
     if is_uniform(scene):
         evidence["attitude_held"] = "the base map is uniform: pointing, range and roll are from shape and shading alone"

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compiled import compiled
-from tasks.joint.tiles import LOCAL, Tiles
+from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -67,7 +67,7 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
     label = problem.tiles.label.ravel()
     now = base if start is None else _robust(base, start.ravel(), problem.huber)
     for _ in range(ROUNDS):
-        normal, right, cross, inner, inner_right = _accumulate(design, target, now, label, problem.tiles.count)
+        normal, right, cross, inner, inner_right = _accumulate(design, LOCAL, target, now, label, problem.tiles.count)
         inner += problem.local_prior[:, :, None] * np.eye(LOCAL)
         # Every tile's unknowns expressed by the others: Schur's complement.
         by_others = np.linalg.solve(inner, cross)
@@ -77,7 +77,7 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
         whole = information + np.diag(problem.prior)
         values = scaled_inverse(whole) @ (reduced + problem.prior * problem.expected)
         own = by_data - by_others @ values
-        model, gain = _evaluate(design, label, values, own)
+        model, gain = _evaluate(design, LOCAL, GAINS, label, values, own)
         residual = target - model
         now = _robust(base, residual, problem.huber)
     cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
@@ -107,12 +107,12 @@ def _robust(weight: Image, residual: Image, huber: float) -> Image:
 
 
 @compiled
-def _accumulate(design, target, weight, label, tiles):  # type: ignore[no-untyped-def]
+def _accumulate(design, local, target, weight, label, tiles):  # type: ignore[no-untyped-def]
     """Normal matrix and right side of the common unknowns, each tile's with them, and its own."""
     pixels, width = design.shape
-    n = width - LOCAL
+    n = width - local
     normal, right = np.zeros((n, n)), np.zeros(n)
-    cross, inner, inner_right = np.zeros((tiles, LOCAL, n)), np.zeros((tiles, LOCAL, LOCAL)), np.zeros((tiles, LOCAL))
+    cross, inner, inner_right = np.zeros((tiles, local, n)), np.zeros((tiles, local, local)), np.zeros((tiles, local))
     row = np.zeros(width)
     for i in range(pixels):
         w = np.float64(weight[i])
@@ -129,12 +129,12 @@ def _accumulate(design, target, weight, label, tiles):  # type: ignore[no-untype
         t = label[i]
         if t < 0:
             continue
-        for a in range(LOCAL):
+        for a in range(local):
             wr = w * row[n + a]
             inner_right[t, a] += wr * y
             for k in range(n):
                 cross[t, a, k] += wr * row[k]
-            for b in range(LOCAL):
+            for b in range(local):
                 inner[t, a, b] += wr * row[n + b]
     for j in range(n):
         for k in range(j):
@@ -143,10 +143,10 @@ def _accumulate(design, target, weight, label, tiles):  # type: ignore[no-untype
 
 
 @compiled
-def _evaluate(design, label, values, own):  # type: ignore[no-untyped-def]
-    """Model (p,), and what the tiles add to it relative to their first column (p,)."""
+def _evaluate(design, local, gains, label, values, own):  # type: ignore[no-untyped-def]
+    """Model (p,), and what the tiles' first unknowns, the gains, add to it relative to the first column (p,)."""
     pixels, width = design.shape
-    n = width - LOCAL
+    n = width - local
     model, gain = np.zeros(pixels, np.float32), np.zeros(pixels, np.float32)
     for i in range(pixels):
         total = 0.0
@@ -154,11 +154,13 @@ def _evaluate(design, label, values, own):  # type: ignore[no-untyped-def]
             total += design[i, j] * values[j]
         t = label[i]
         if t >= 0:
-            added = 0.0
-            for a in range(LOCAL):
+            added, factor = 0.0, 0.0
+            for a in range(local):
                 added += design[i, n + a] * own[t, a]
+                if a < gains:
+                    factor += design[i, n + a] * own[t, a]
             total += added
             if design[i, n] != 0:
-                gain[i] = added / design[i, n]
+                gain[i] = factor / design[i, n]
         model[i] = total
     return model, gain

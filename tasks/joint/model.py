@@ -64,9 +64,11 @@ class Model:
         return np.array([image - bright for image in wide], np.float32).reshape(-1, *bright.shape)
 
     def local(self, weights: NDArray) -> Image:
-        """Images of a tile's unknowns (3, ny, nx): gain and its two slopes, at the bases' weights (k,)."""
+        """Images of a tile's unknowns (LOCAL, ny, nx), at the bases' weights (k,): gain, its two slopes, and an even
+        veil as bright as the disk."""
         bright = self.brightness(weights)
-        return np.stack([bright, bright * self.tiles.along, bright * self.tiles.across])
+        veil = np.full_like(bright, bright.max())
+        return np.stack([bright, bright * self.tiles.along, bright * self.tiles.across, veil])
 
     def derivatives(self, weights: NDArray, gain: Image) -> Image:
         """Change of the image (8, ny, nx) per unit of each unknown of `parameters.NAMES`, at the bases'

@@ -45,7 +45,8 @@ class SystematicSettings(BaseModel):
 class TileSettings(BaseModel):
     """Tiles with a gain of their own. side_px, side_share: length of a side, pixels, and at least this share of the
     disk's radius. limb_px, limb_share: the same of the depth of the ring of sectors along the limb. gain, slope: what
-    a tile's factor and its change over half a tile are believed to be off by, 1-sigma; 0 holds them."""
+    a tile's factor and its change over half a tile are believed to be off by, 1-sigma; veil: the same of light
+    scattered into it, as a share of the disk's brightness. 0 holds them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     side_px: float = Field(12.0, gt=0)
@@ -54,6 +55,12 @@ class TileSettings(BaseModel):
     limb_share: float = Field(0.05, ge=0)
     gain: float = Field(0.3, ge=0)
     slope: float = Field(0.3, ge=0)
+    veil: float = Field(0.05, ge=0)
+
+    @property
+    def sigmas(self) -> tuple[float, ...]:
+        """1-sigma of a tile's unknowns: gain, its two slopes, veil."""
+        return (self.gain, self.slope, self.slope, self.veil)
 
 
 class JointSettings(BaseModel):
@@ -63,7 +70,9 @@ class JointSettings(BaseModel):
     of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
     background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
     first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
-    solve again from elsewhere, and doubt the result when it ends elsewhere."""
+    solve again from elsewhere, and doubt the result when it ends elsewhere. diameter_px: larger disks are solved at
+    reduced resolution; first_diameter_px: how large the disk is at most on the way there, where fine markings would
+    catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(
@@ -79,6 +88,8 @@ class JointSettings(BaseModel):
     priors: SourcePriors = SourcePriors()
     systematic: SystematicSettings = SystematicSettings()
     second_start: bool = True
+    diameter_px: float = Field(450.0, gt=0)
+    first_diameter_px: float = Field(220.0, gt=0)
     edge_px: float = Field(0.1, ge=0)
     terminator: float = Field(0.1, ge=0, lt=1)
     huber: float = Field(2.5, gt=0)

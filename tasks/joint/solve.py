@@ -28,6 +28,10 @@ LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4}
 # In the order of the unknowns: steps that need not be taken, and that may be left when none lowers the cost.
 STILL = np.array([2e-3, 2e-3, 1e-5, 2e-3, 2e-3, 2e-3, 2e-3, 5e-3])
 LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
+# Steps of this share of their own error move nothing that matters.
+AT_REST = 0.2
+# Where no share of a step lowers the cost it is a minimum, as far as the sampling can tell, unless the step is huge.
+NEGLECTED = 0.03
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Tiles lie still while the disk moves under them by no more: the cost would jump where pixels change tiles.
 STALE_PX = 0.7
@@ -97,14 +101,13 @@ def solve_joint(
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         if progress:
             progress("joint", len(history) + 1, told(step))
-        converged = bool((np.abs(step) < np.maximum(0.1 * error, STILL)).all())
+        converged = bool((np.abs(step) < np.maximum(AT_REST * error, STILL)).all())
         if converged or len(history) == settings.max_iterations:
             break
         line = Line(data, weight, trust.tiles, metadata, sigmas, held, scene, settings)
         found = line.lower(model, step, fit)
         if found is None:
-            # Not even the smallest share lowered the cost: a minimum, as far as the sampling can tell.
-            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, LOOSE)).all())
+            converged = bool((NEGLECTED * np.abs(step) < np.maximum(error, LOOSE)).all())
             break
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
@@ -151,7 +154,8 @@ class Line:
         """The first of ever shorter steps that lowers the cost: model and linear fit there, and the step taken."""
         weights = fit.values[: len(model.bases)]
         before, _ = self.cost(model, weights, fit)
-        for share in SHARES:
+        error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
+        for share in SHARES if (np.abs(step) > error).any() else SHARES[:2]:
             state = model.state.moved(share * step, self.scene.camera)
             moved = linear_model(self.scene, state, model.window, model.tiles, self.settings)
             after, linear = self.cost(moved, weights, fit)

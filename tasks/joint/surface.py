@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap
 from catalog.pose import Pose
-from tasks.compiled import compiled
+from tasks.compiled import compiled_reordered
 from tasks.simulate import Scene
 from tasks.simulate.window import Window
 
@@ -21,7 +21,7 @@ SMOOTHING, MIN_SMOOTHING = 0.5, 0.2
 @dataclass(frozen=True)
 class FineSurface:
     """Sub-pixels (ny*s, nx*s): cover, the fraction that the target fills; cosines of incidence and emission (0 off the
-    body and at night); albedo; and its change per degree of turn about each body axis (3, ny*s, nx*s).
+    body and at night); albedo; and its change per degree of turn about each body axis (3, ny*s, nx*s), both 0 at night.
 
     Sub-pixels on the limb are filled in part and carry the limb's own cosines and albedo: counting only those whose
     centre hits the body would let the limb jump by a share of a sub-pixel.
@@ -101,7 +101,7 @@ def _averaged(kept: _Kept, factor: int, sigma: float) -> Image:
     return np.ascontiguousarray(cv2.GaussianBlur(wrapped, (0, 0), sigma)[:, rim:-rim])
 
 
-@compiled
+@compiled_reordered
 def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg, half_step, pixel_rad, out):  # type: ignore[no-untyped-def]
     """Rays through the sub-pixels, in the body frame whose axes are scaled so that the target is the unit sphere."""
     cover, mu0, mu, value, change = out
@@ -139,8 +139,10 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / n
             ex, ey, ez = dx * radii[0], dy * radii[1], dz * radii[2]
             emission = -(nx * ex + ny * ey + nz * ez) / (n * np.sqrt(ex * ex + ey * ey + ez * ez))
-            mu0[i, j] = max(incidence, 0.0)
             mu[i, j] = max(emission, 0.0)
+            if incidence <= 0:
+                continue
+            mu0[i, j] = incidence
             px, py, pz = sx * radii[0], sy * radii[1], sz * radii[2]
             flat = np.sqrt(px * px + py * py)
             longitude, latitude = np.degrees(np.arctan2(py, px)), np.degrees(np.arctan2(pz, flat))
@@ -175,7 +177,7 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             change[2, i, j] = -degree * per_longitude
 
 
-@compiled
+@compiled_reordered
 def _bilinear(albedo, x, y):  # type: ignore[no-untyped-def]
     """Map value at column x (wrapped) and row y (held at the poles), 0-based."""
     rows, columns = albedo.shape

@@ -2,7 +2,9 @@
 
 Errors of a map and of a law are multiplicative and smooth, and far larger than noise. A gain and two slopes in every
 tile, known beforehand to some ten per cent, take them up; what is left for the pose is the limb's edge and the
-markings inside the tiles. Along the limb the tiles are sectors, so that no segment's brightness moves its edge.
+markings inside the tiles. Scattered light, and what a vidicon adds to it, differs from one side of the disk to the
+other, and is a level of its own in every tile. Along the limb the tiles are sectors, so that no segment's brightness
+moves its edge.
 """
 
 from dataclasses import dataclass
@@ -12,11 +14,13 @@ from numpy.typing import NDArray
 
 from tasks.joint.settings import TileSettings
 
-LOCAL = 3
+# Unknowns of a tile: gain and its two slopes, and light scattered into it.
+GAINS, LOCAL = 3, 4
 # Fewer tiles say nothing of the others; no map is better than this.
 FEWEST, SMALLEST = 8, 1e-3
 # Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
 HEAVY_TAIL = 3.0
+HELD = 1e-9
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ def learned_prior(
 ) -> NDArray[np.float64]:
     """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them, along the limb and inside
     the disk apart (empirical Bayes, one step of expectation and maximisation); at most those of the settings."""
-    largest = np.array([settings.gain, settings.slope, settings.slope])
+    largest = np.maximum(settings.sigmas, HELD)
     limb = np.arange(len(seen)) < sectors
     prior = np.empty((len(seen), LOCAL))
     for part in (limb, ~limb):
@@ -96,5 +100,5 @@ def learned_prior(
 
 def first_prior(count: int, settings: TileSettings) -> NDArray[np.float64]:
     """Inverse variances (tiles, LOCAL) before anything is known."""
-    sigma = np.maximum([settings.gain, settings.slope, settings.slope], 1e-9)
+    sigma = np.maximum(settings.sigmas, HELD)
     return np.tile(1 / sigma**2, (count, 1))

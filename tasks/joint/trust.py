@@ -19,6 +19,7 @@ LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
 LEAST_EDGE_PX = 0.003
 FEWEST_PIXELS = 50
 BLOCK_PX = 8
+MEDIAN_CHI2 = 0.455  # of one degree of freedom
 # Share of the pixels near the limb, those with the steepest brightness, that tell how well places are known.
 STEEP_SHARE = 0.3
 
@@ -26,17 +27,20 @@ STEEP_SHARE = 0.3
 @dataclass(frozen=True)
 class Trust:
     """relative: error of the model's brightness, 1-sigma. edge_px: error of places in the image. shared: how many
-    neighbouring pixels of the disk err together. tiles: (tiles, 3) inverse variances of the tiles' unknowns."""
+    neighbouring pixels of the disk err together. sky: the factor by which the sky's variance exceeds its noise's,
+    pixels that err together included: scattered light and the like are in no model. tiles: (tiles, LOCAL) inverse
+    variances of the tiles' unknowns."""
 
     relative: float
     edge_px: float
     shared: float
+    sky: float
     tiles: Array
 
     @classmethod
     def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
         """Before anything is known."""
-        return cls(RELATIVE_ERROR, settings.edge_px, 1.0, first_prior(model.tiles.count, settings.tiles))
+        return cls(RELATIVE_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles))
 
     def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
@@ -57,7 +61,9 @@ class Trust:
             edge = _surplus(fit.residual[limb] / np.maximum(steep[limb], 1e-9), known)
         edge = float(np.clip(edge, min(LEAST_EDGE_PX, settings.edge_px), settings.edge_px))
         tiles = learned_prior(fit.spread, fit.seen, model.tiles.sectors, settings.tiles)
-        return Trust(relative, edge, _shared(fit, model.tiles.label >= 0), tiles)
+        disk = model.tiles.label >= 0
+        sky = _excess(fit.residual, data.variance, ~disk & data.usable) * _shared(fit, ~disk)
+        return Trust(relative, edge, _shared(fit, disk), sky, tiles)
 
     def weight(self, model: Model, data: Data, weights: Array, settings: JointSettings) -> Image:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
@@ -69,13 +75,20 @@ class Trust:
             typical = np.percentile(bright[inside], 50) if inside.any() else 1.0
             doubt = 0.3 * np.exp(-model.mu0 / settings.terminator) * (model.coverage > 0.5)
             variance = variance + (doubt * np.minimum(bright + 0.05 * typical, typical)) ** 2
-        together = np.where(model.tiles.label >= 0, self.shared, 1.0)
+        together = np.where(model.tiles.label >= 0, self.shared, self.sky)
         return np.where(data.usable, 1 / np.maximum(variance * together, 1e-12), 0).astype(np.float32)
 
 
-def _shared(fit: Fit, disk: NDArray[np.bool_]) -> float:
+def _excess(residual: Image, variance: Image, where: NDArray[np.bool_]) -> float:
+    """Robust mean square of residuals over their variance, at least 1."""
+    if where.sum() <= FEWEST_PIXELS:
+        return 1.0
+    return max(float(np.median(residual[where] ** 2 / np.maximum(variance[where], 1e-12))) / MEDIAN_CHI2, 1.0)
+
+
+def _shared(fit: Fit, where: NDArray[np.bool_]) -> float:
     """Mean square of the summed residuals of small blocks over the sum of their squares: 1 for independent pixels."""
-    residual = np.where(disk, fit.residual * np.sqrt(fit.weight), 0).astype(np.float64)
+    residual = np.where(where, fit.residual * np.sqrt(fit.weight), 0).astype(np.float64)
     ny, nx = (n // BLOCK_PX * BLOCK_PX for n in residual.shape)
     blocks = residual[:ny, :nx].reshape(ny // BLOCK_PX, BLOCK_PX, nx // BLOCK_PX, BLOCK_PX)
     squares = float((blocks**2).sum())

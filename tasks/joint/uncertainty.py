@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.target import Target
 from tasks.joint.fit import Fit, Problem, scaled_inverse, solve
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
 from tasks.joint.settings import SystematicSettings
@@ -15,6 +16,8 @@ from tasks.joint.solve import Solution
 Array = NDArray[np.float64]
 MOVING = len(NAMES)
 SKY_TILE_PX = 16
+# How many parts of the lit limb rise and fall on their own, for relief coherent over some 20 degrees.
+INDEPENDENT_LIMBS = 9
 
 
 def covariance(problem: Problem, fit: Fit) -> Array:
@@ -82,6 +85,17 @@ def systematic(settings: SystematicSettings, radius_px: float, distortion_px: fl
     sigma[ATTITUDE] = settings.attitude_deg
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
+
+
+def of_the_body(target: Target, radius_px: float) -> Array:
+    """Variances (8, 8) that come from the target's radius, which the image cannot tell from its range, and from the
+    relief of its limb."""
+    relief_px = (target.relief_km or 0.0) / target.mean_radius_km * radius_px
+    variance = np.zeros(MOVING)
+    variance[OFFSET] = 2 * relief_px**2 / INDEPENDENT_LIMBS
+    variance[RANGE] = (relief_px / radius_px) ** 2 / INDEPENDENT_LIMBS
+    variance[RANGE] += ((target.radius_sigma_km or 0.0) / target.mean_radius_km) ** 2
+    return np.diag(variance)
 
 
 @dataclass(frozen=True)
