@@ -13,6 +13,7 @@ extensions = ["myst_parser", "building.mathml", "building.generated"]
 source_suffix = {".md": "markdown"}
 exclude_patterns = ["_build", "building", "notebooks"]
 smartquotes = False
+highlight_language = "none"
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist"]
 myst_heading_anchors = 3
