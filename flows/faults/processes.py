@@ -84,8 +84,16 @@ class Command:
         self._process.wait()
 
     def workers(self) -> list[int]:
-        """Its worker processes."""
-        return [pid for pid in children_of(self.pid) if "flows.reprocessing.worker" in command_line(pid)]
+        """The processes that do its images, here or below a Dask worker."""
+        return [pid for pid in descendants_of(self.pid) if "flows.reprocessing.worker" in command_line(pid)]
+
+    def dask_workers(self) -> list[int]:
+        """Workers of its Dask cluster."""
+        return [
+            pid
+            for pid in children_of(self.pid)
+            if any("flows.reprocessing.worker" in command_line(child) for child in children_of(pid))
+        ]
 
     def _read_events(self) -> None:
         for line in self._process.stderr or ():
@@ -123,6 +131,12 @@ def children_of(pid: int) -> list[int]:
         with suppress(OSError):
             found += [int(number) for number in task.read_text().split()]
     return found
+
+
+def descendants_of(pid: int) -> list[int]:
+    """Those, what they started, and so on."""
+    children = children_of(pid)
+    return children + [below for child in children for below in descendants_of(child)]
 
 
 def command_line(pid: int) -> str:

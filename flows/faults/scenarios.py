@@ -80,12 +80,25 @@ def run_twice_at_once(ground: Ground, place: Place, _: random.Random) -> str:
     return " and ".join(ended(command) for command in [ground.start(place) for _ in range(2)])
 
 
+def dask_worker_killed(ground: Ground, place: Place, chance: random.Random) -> str:
+    """kill -9 of a worker of a Dask cluster on this machine; Dask gives its image to another one."""
+    command = ground.start(place, "--runner", "dask")
+    found = wait_for(lambda: command.has_ended or bool(command.dask_workers()))
+    workers = command.dask_workers()
+    if not found or not workers:
+        return f"no Dask worker was at work; {ended(command)}"
+    wait_for(lambda: command.has_ended, chance.uniform(0.0, LITTLE_S))
+    kill(chance.choice(workers))
+    return ended(command)
+
+
 SINGLE: dict[str, Disturb] = {
     "disk full": disk_full,
     "file size limited": files_limited,
     "server killed": server_killed,
     "worker hangs": hung,
     "two runs at once": run_twice_at_once,
+    "Dask worker killed": dask_worker_killed,
 }
 KILLS: dict[str, Disturb] = {
     "worker kill -9": worker_killed,
