@@ -20,7 +20,6 @@ from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
-DEFAULT_PROFILE = "standard"
 CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
 CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
 # What a pass does unless the profile says otherwise; the paper's order.
@@ -38,10 +37,12 @@ GROUPS: tuple[Group, ...] = ("offset", "range", "roll", "attitude", "psf")
 class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
-    below the first the pose is not believed, below the second it is doubtful."""
+    below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
+    the pose is doubtful; None doubts none."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
+    sure_limb_rms_px: float | None = Field(None, gt=0)
     require_limb: bool = True
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)
@@ -74,7 +75,7 @@ class Profile(BaseModel):
     corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    name: str = Field(DEFAULT_PROFILE, min_length=1)
+    name: str = Field("unnamed", min_length=1)
     passes: int = Field(2, ge=1, le=20)
     steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
     hold: tuple[Group, ...] = ()

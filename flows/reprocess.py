@@ -16,7 +16,7 @@ from prefect.client.schemas.objects import State, StateType
 from prefect.futures import PrefectFuture
 from prefect.states import Completed
 
-from flows.profile import DEFAULT_PROFILE
+from flows.defaults import DEFAULT_PROFILE
 from flows.reprocessing.image_task import audience, image_task
 from flows.reprocessing.one_image import job_of
 from flows.reprocessing.parameters import settings_of

@@ -14,7 +14,8 @@ from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
 from catalog.target import TARGET_FOLDER, Target
-from flows.profile import DEFAULT_PROFILE, Profile, find_profile
+from flows.defaults import DEFAULT_PROFILE
+from flows.profile import Profile, find_profile
 
 
 def _profile_by_name(profile: Any) -> Any:

@@ -48,7 +48,9 @@ def doubts(chain: Chain) -> list[str]:
     """
     last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
     found = [result.get("evidence", {}).get("doubt") for result in last.values()]
-    found.append(doubtful_likeness(chain.request.profile.accept, last["validate"]) if "validate" in last else None)
+    if "validate" in last:
+        accept = chain.request.profile.accept
+        found += [doubtful_likeness(accept, last["validate"]), doubtful_limb(accept, last["validate"])]
     return [doubt for doubt in found if doubt]
 
 
@@ -60,6 +62,17 @@ def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | N
     return (
         f"image-unlike-simulation: image and simulation correlate by only {likeness:.2f} (sure from "
         f"{accept.sure_likeness:g}). Check Sun direction, base map and the picture."
+    )
+
+
+def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """The doubt that a limb raises which lies elsewhere in the image than the corrected pose has it."""
+    rms_px, sure_px = report["limb"]["rms_px"], accept.sure_limb_rms_px
+    if rms_px is None or sure_px is None or rms_px <= sure_px:
+        return None
+    return (
+        f"limb-disagrees: markings and brightness put the limb {rms_px:.2f} px (RMS) from where the image shows it "
+        f"(sure to {sure_px:g} px). Check the base map and the picture; --profile standard trusts the limb alone."
     )
 
 

@@ -2,7 +2,8 @@
 
 from collections.abc import Callable
 
-from flows.profile import DEFAULT_PROFILE, known_profiles
+from building.commands import all_commands
+from flows.profile import known_profiles
 
 
 def text_of(name: str) -> str:
@@ -12,8 +13,14 @@ def text_of(name: str) -> str:
 
 def default_profile() -> str:
     """Which profile is used when nothing is said."""
-    others = " and ".join(f"`{name}`" for name in known_profiles() if name != DEFAULT_PROFILE)
-    return f"The default profile is `{DEFAULT_PROFILE}`; `--profile` takes {others}, or a file of your own."
+    default = profile_by_default()
+    others = " and ".join(f"`{name}`" for name in known_profiles() if name != default)
+    return f"The default profile is `{default}`; `--profile` takes {others}, or a file of your own."
+
+
+def profile_by_default() -> str:
+    """Its name, as the command has it."""
+    return str(next(option.default for option in all_commands()["correct"].params if option.name == "profile"))
 
 
 FACTS: dict[str, Callable[[], str]] = {"default-profile": default_profile}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flows.defaults import DEFAULT_PROFILE
+
 if TYPE_CHECKING:
     from flows.profile import Profile
 
@@ -37,7 +39,7 @@ def correct(
         list[Path] | None, typer.Option(help="SPICE kernel, meta-kernel or folder; repeat for more.")
     ] = None,
     no_kernels: Annotated[bool, typer.Option("--no-kernels", help="Use no kernels, not even default ones.")] = False,
-    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
+    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = DEFAULT_PROFILE,
     start_offset: Annotated[
         Text, typer.Option(metavar="DX,DY", help="Pixels added to the predicted centre; no search of the frame.")
     ] = None,

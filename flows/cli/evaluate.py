@@ -5,6 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
+from flows.defaults import DEFAULT_PROFILE
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -38,7 +40,7 @@ def evaluate(
     from flows.evaluate_summary import summary_of
     from flows.evaluate_table import evaluation_table, write_csv
 
-    named = profile or ([] if ablation else ["standard"])
+    named = profile or ([] if ablation else [DEFAULT_PROFILE])
     profiles = [*(usable_profile(name, None) for name in named), *(ablated() if ablation else [])]
     if len({each.name for each in profiles}) < len(profiles):
         raise typer.BadParameter("two profiles have one name", param_hint="--profile")

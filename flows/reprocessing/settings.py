@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.settings import cache_folder
-from flows.profile import DEFAULT_PROFILE
+from flows.defaults import DEFAULT_PROFILE
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 

@@ -7,7 +7,7 @@ from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import AcceptSettings
-from flows.verdict import believe, explained
+from flows.verdict import believe, doubtful_limb, explained
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = {"rms_px": None, "points": 3, "tried": 40, "likeness": 0.95}
@@ -47,3 +47,11 @@ def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() 
         with pytest.raises(FailedError, match=words) as failure:
             believe(AcceptSettings(), {"limb": LIMB | {"tried": tried}})
         assert failure.value.code == "limb-not-measured"
+
+
+def test_a_limb_elsewhere_than_the_corrected_pose_has_it_is_doubted_where_the_profile_says_from_when() -> None:
+    accept = AcceptSettings(sure_limb_rms_px=0.5)
+    assert doubtful_limb(accept, {"limb": {"rms_px": 0.4}}) is None
+    assert doubtful_limb(accept, {"limb": {"rms_px": None}}) is None
+    assert str(doubtful_limb(accept, {"limb": {"rms_px": 0.7}})).startswith("limb-disagrees: ")
+    assert doubtful_limb(AcceptSettings(), {"limb": {"rms_px": 0.7}}) is None

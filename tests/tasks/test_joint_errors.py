@@ -1,0 +1,69 @@
+"""What the joint estimator adds to its errors, and what it finds at reduced resolution."""
+
+import numpy as np
+import pytest
+
+from catalog.target import find_target
+from tasks.joint import JointSettings, find_pose_jointly
+from tasks.joint.parameters import OFFSET, PSF, RANGE, State
+from tasks.joint.scale import Scale
+from tasks.joint.uncertainty import DistortionError, of_the_body
+from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
+from tasks.simulate.plant import planted, pose_error
+
+ONCE = JointSettings(second_start=False)
+
+
+def test_radius_and_relief_of_the_body_are_errors_of_range_and_centre() -> None:
+    europa, pluto = find_target("europa"), find_target("pluto")
+    variance = np.diag(of_the_body(europa, 100.0))
+    assert np.sqrt(variance[RANGE]) == pytest.approx(np.hypot(0.3 / 1560.8, 0.32 / 1560.8 / 3), rel=0.01)
+    assert np.sqrt(variance[OFFSET]) == pytest.approx(np.sqrt(2 / 9) * 0.0205, rel=0.01)
+    assert not variance[RANGE + 1 :].any()
+    assert np.sqrt(of_the_body(pluto, 400.0)[RANGE, RANGE]) == pytest.approx(1.6 / 1188.3)
+    unknown = europa.model_copy(update={"radius_sigma_km": None, "relief_km": None})
+    assert not of_the_body(unknown, 100.0).any()
+
+
+def test_a_disk_solved_at_half_the_resolution_is_found_and_told_in_the_image_s_pixels() -> None:
+    camera = small_camera(120.0, (176, 176)).model_copy(update={"centre_px": (87.5, 87.5)})
+    scene, truth = scene_of(camera), true_pose(camera)
+    start = planted(truth, camera, (0.9, -0.7), 1.004, (0.2, -0.2, 0.2))
+    seen = observation_of(scene, truth)
+    half = ONCE.model_copy(update={"diameter_px": 60.0, "first_diameter_px": 60.0})
+    whole = find_pose_jointly(seen, start, start, "file", scene, ONCE)
+    found = find_pose_jointly(seen, start, start, "file", scene, half)
+    error = pose_error(found.pose, truth, camera, scene.target)
+    print(f"half resolution: {error}; whole: {pose_error(whole.pose, truth, camera, scene.target)}")
+    assert np.hypot(*error.centre_px) < 0.06
+    assert abs(error.range) < 1.5e-3
+    assert found.changed["psf_sigma_px"] == pytest.approx(whole.changed["psf_sigma_px"], rel=0.1)
+    assert found.uncertainty["offset_px"][0] == pytest.approx(whole.uncertainty["offset_px"][0], rel=1.0)
+
+
+def test_an_error_of_the_bending_common_to_all_pixels_is_an_error_of_the_centre() -> None:
+    camera = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
+    scene, truth = scene_of(camera), true_pose(camera)
+    seen = observation_of(scene, truth)
+    planes = np.zeros((2, 124, 124), np.float16)
+    planes[1] = 0.3
+    exact, bent = (
+        find_pose_jointly(seen, truth, truth, "file", scene, ONCE, distortion=DistortionError(0.0, bending))
+        for bending in (None, planes)
+    )
+    assert bent.changed["offset_px"] == exact.changed["offset_px"]
+    added = np.sqrt(np.square(bent.uncertainty["offset_px"]) - np.square(exact.uncertainty["offset_px"]))
+    assert added[1] == pytest.approx(0.3, abs=0.03)
+    assert added[0] < 0.06
+
+
+def test_scales_convert_states_and_displacements() -> None:
+    camera = small_camera(120.0, (176, 176))
+    scene, truth = scene_of(camera), true_pose(camera)
+    scale = Scale.of(observation_of(scene, truth), scene, State(truth, 0.9), 60.0)
+    assert scale.n == 2
+    assert scale.up(scale.down(State(truth, 0.9))).psf_sigma_px == pytest.approx(0.9)
+    assert scale.planes_down(np.full((2, 176, 176), 0.4, np.float32)) == pytest.approx(np.full((2, 88, 88), 0.2))
+    variance = np.diag(scale.covariance_up(np.eye(PSF + 1)))
+    assert variance[OFFSET] == pytest.approx([4.0, 4.0])
+    assert variance[RANGE] == 1.0
