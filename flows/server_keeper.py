@@ -13,9 +13,11 @@ from pathlib import Path
 from types import FrameType
 
 from flows.server import ServerFiles, ServerRecord, locked
+from flows.server_serve import serving_environment
 
 CHECK_EVERY_S = 2.0
 STOP_TIMEOUT_S = 10.0
+HOST = "127.0.0.1"
 
 
 def main(folder: Path, port: int, idle_s: float) -> int:
@@ -27,7 +29,7 @@ def main(folder: Path, port: int, idle_s: float) -> int:
         except BlockingIOError:
             return 1  # there is a server
         server = start_server(folder, port, alive.fileno())
-        files.write(ServerRecord(f"http://127.0.0.1:{port}/api", os.getpid(), server.pid))
+        files.write(ServerRecord(f"http://{HOST}:{port}/api", os.getpid(), server.pid))
         signal.signal(signal.SIGTERM, lambda *_: stop(server))
         while server.poll() is None:
             time.sleep(CHECK_EVERY_S)
@@ -37,24 +39,18 @@ def main(folder: Path, port: int, idle_s: float) -> int:
 
 def start_server(folder: Path, port: int, alive: int) -> subprocess.Popen[bytes]:
     """Start Prefect's server on this machine's own address. It inherits the lock, so it counts as alive by itself."""
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
-    return subprocess.Popen(command, env=server_environment(folder), pass_fds=(alive,))
+    command = [sys.executable, "-m", "prefect", "server", "start", "--host", HOST, "--port", str(port)]
+    return subprocess.Popen(command, env=server_environment(folder, port), pass_fds=(alive,))
 
 
-def server_environment(folder: Path) -> dict[str, str]:
-    """Environment of the server: its database in `folder`, nothing sent anywhere, old runs deleted."""
+def server_environment(folder: Path, port: int) -> dict[str, str]:
+    """Environment of the server: its database in `folder`, no pages, and as `serving_environment` has it."""
     defaults = {
         "PREFECT_HOME": str(folder / "prefect"),
         "PREFECT_SERVER_UI_ENABLED": "false",
         "PREFECT_LOGGING_SERVER_LEVEL": "WARNING",
-        "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
-        "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
-        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
-        "DO_NOT_TRACK": "1",
     }
-    environment = {**defaults, **os.environ}
-    environment.pop("PREFECT_API_URL", None)
-    return environment
+    return serving_environment(HOST, port, {**defaults, **os.environ})
 
 
 def stop_when_idle(files: ServerFiles, server: subprocess.Popen[bytes], idle_s: float) -> None:
