@@ -76,7 +76,7 @@ class Workman:
     def _await_end(self, job: Mapping[str, Any], limits: Limits, tell: Callable[[Message], None]) -> Message:
         step = "start"
         self._send(job)
-        deadline = time.monotonic() + limits.image_timeout_s
+        deadline, next_look = time.monotonic() + limits.image_timeout_s, 0.0
         while True:
             message = self._next_message()
             if message is None:
@@ -92,13 +92,19 @@ class Workman:
                     self._folders.add(Path(message["folder"]))
             if kind != "idle":
                 tell(message)
-            if time.monotonic() > deadline:
+            now = time.monotonic()
+            if now > deadline:
                 text = f"step {step} was at work when the image's {limits.image_timeout_s:g} s were over"
                 raise LostError("timed-out", f"{text}; its process was killed.")
-            used_mb = resident_mb(self.pid) if kind == "idle" or "folder" in message else None
-            if used_mb is not None and used_mb > limits.image_memory_mb:
-                text = f"step {step} took {used_mb:.0f} MB, allowed {limits.image_memory_mb:.0f} MB"
-                raise LostError("memory", f"{text}; its process was killed.")
+            if now >= next_look:
+                next_look = now + LOOK_EVERY_S
+                self._check_memory(step, limits.image_memory_mb)
+
+    def _check_memory(self, step: str, allowed_mb: float) -> None:
+        used_mb = resident_mb(self.pid)
+        if used_mb is not None and used_mb > allowed_mb:
+            text = f"step {step} took {used_mb:.0f} MB, allowed {allowed_mb:.0f} MB"
+            raise LostError("memory", f"{text}; its process was killed.")
 
     def _send(self, job: Mapping[str, Any]) -> None:
         if self._process.stdin is None:
