@@ -19,7 +19,7 @@ BLOCK = re.compile(
 )
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 ANYTHING = "..."
-RELATIVE, SMALL, FINE = 0.05, 0.1, 0.002
+RELATIVE, SMALL, FINE = 0.05, 0.2, 0.002
 FINE_DECIMALS = 4
 
 
@@ -92,7 +92,7 @@ def compared(printed: str, expected: str | None) -> str | None:
 
 def alike(printed: str, expected: str) -> bool:
     """Whether two lines have the same words, and numbers that differ by no more than other arithmetic or a
-    small change of the method makes them: 5 %, 0.1, or 0.002 where four decimals are shown."""
+    small change of the method makes them: 5 %, 0.2, or 0.002 where four decimals are shown."""
     if ANYTHING in expected:
         parts = (NUMBER.sub("#", part) for part in expected.split(ANYTHING))
         return bool(re.fullmatch(".*".join(map(re.escape, parts)), NUMBER.sub("#", printed)))
