@@ -187,7 +187,7 @@ def second_start(
     free_range[RANGE] = np.inf
     scale = Scale.of(observation, scene, start, settings.first_diameter_px)
     other = _solved(scale, start.moved(step, scene.camera), metadata, coarse(settings), free_range)
-    if not other.converged:
+    if not other.converged or scale.n * np.hypot(*other.left[OFFSET]) > DISAGREEMENT_PX / 2:
         return None
     apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))

@@ -40,7 +40,8 @@ STALE_PX = 0.7
 @dataclass(frozen=True)
 class Solution:
     """state: where the iterations ended; fit: the last linear problem, its last eight columns the unknowns of
-    `parameters.NAMES`, and its problem; model: what it was linearised on."""
+    `parameters.NAMES`, and its problem; model: what it was linearised on; left: the step (8,) that was not taken any
+    more."""
 
     state: State
     fit: Fit
@@ -48,6 +49,7 @@ class Solution:
     model: Model
     held: NDArray[np.bool_]
     history: list[Array]
+    left: Array
     converged: bool
     trust: Trust
 
@@ -116,7 +118,7 @@ def solve_joint(
         fresh = tiles_at(model.state, scene, window, layout)
         if fresh.away_px(model.tiles) > STALE_PX:
             model = replace(model, tiles=fresh)
-    return Solution(model.state, fit, problem, model, held, history, converged, trust)
+    return Solution(model.state, fit, problem, model, held, history, step, converged, trust)
 
 
 def tiles_at(state: State, scene: Scene, window: Window, layout: Layout) -> Tiles:

@@ -63,10 +63,9 @@ def bent(solution: Solution, bending: NDArray[Any] | None) -> Array:
     if bending is None:
         return np.zeros((MOVING, MOVING))
     problem, window = solution.problem, solution.model.window
-    bright = problem.image - solution.fit.residual
-    gradient_y, gradient_x = np.gradient(bright)
+    per_x, per_y = problem.columns[-MOVING:][OFFSET]
     along_x, along_y = (window.crop(plane.astype(np.float32), fill=0) for plane in bending)
-    displaced = -(gradient_x * along_x + gradient_y * along_y)
+    displaced = per_x * along_x + per_y * along_y
     displaced[solution.fit.weight <= 0] = 0
     pulled = replace(
         problem, image=displaced.astype(np.float32), expected=np.zeros_like(problem.expected), huber=np.inf

@@ -77,7 +77,7 @@ def _read(path: Path, _: int, naif_id: int | None) -> Mesh:
 
 
 def _read_with_mitsuba(path: Path) -> Mesh:
-    from tasks.project.mesh_tracing import mitsuba
+    from tasks.renderer import mitsuba
 
     mi = mitsuba()
     loaded: Any = mi.load_dict({"type": path.suffix.lower()[1:], "filename": str(path), "face_normals": True})

@@ -7,10 +7,11 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.mesh import Mesh
-from tasks.project.mesh_tracing import mitsuba, mitsuba_mesh
+from tasks.project.mesh_tracing import mitsuba_mesh
 from tasks.project.planes import Window
 from tasks.project.rays import sun_in_radii
 from tasks.project.sight import sight_of
+from tasks.renderer import mitsuba
 
 
 def sunlit_faces_under(pose: Pose, camera: Camera, target: Target, mesh: Mesh, window: Window) -> NDArray[np.bool_]:

@@ -7,7 +7,6 @@ neighbours along an edge.
 """
 
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,20 +20,10 @@ from tasks.project.mesh import Mesh
 from tasks.project.planes import Window
 from tasks.project.rays import spacecraft_in_radii
 from tasks.project.sight import sight_of
+from tasks.renderer import mitsuba
 
 Array = NDArray[np.float64]
-VARIANT = "scalar_rgb"
 NEAR = 3.0  # of the sensor from the box's middle; the box reaches from -1 to 1
-
-
-@cache
-def mitsuba() -> Any:
-    """The module, quiet, in the variant that every machine can run."""
-    import mitsuba as mi
-
-    mi.set_variant(VARIANT)
-    mi.set_log_level(mi.LogLevel.Error)
-    return mi
 
 
 def triangles_under_pixels(pose: Pose, camera: Camera, target: Target, mesh: Mesh, window: Window) -> NDArray[np.int64]:

@@ -1,26 +1,13 @@
 """Mitsuba renders where each ray meets the target; shading follows in numpy, so that one render serves many laws."""
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.renderer import mitsuba
 from tasks.simulate.window import Window
-
-VARIANT = "scalar_rgb"  # autodetecting a variant may abort the process where LLVM is missing
-
-
-@cache
-def _mitsuba() -> Any:
-    import mitsuba
-
-    mitsuba.set_variant(VARIANT)
-    mitsuba.set_log_level(mitsuba.LogLevel.Error)
-    return mitsuba
 
 
 def render_positions(
@@ -32,7 +19,7 @@ def render_positions(
     Mitsuba works in single precision: the target sits at the origin in units of its radius. The film is the window
     itself, its optical axis placed by the principal point, so that only the crop is rendered.
     """
-    mi = _mitsuba()
+    mi = mitsuba()
     ny, nx = window.shape
     unit = target.mean_radius_km
     distance = pose.range_km / unit

@@ -51,7 +51,7 @@ def test_an_error_of_the_bending_common_to_all_pixels_is_an_error_of_the_centre(
         find_pose_jointly(seen, truth, truth, "file", scene, ONCE, distortion=DistortionError(0.0, bending))
         for bending in (None, planes)
     )
-    assert bent.changed["offset_px"] == exact.changed["offset_px"]
+    assert bent.changed["offset_px"] == pytest.approx(exact.changed["offset_px"], abs=0.01)
     added = np.sqrt(np.square(bent.uncertainty["offset_px"]) - np.square(exact.uncertainty["offset_px"]))
     assert added[1] == pytest.approx(0.3, abs=0.03)
     assert added[0] < 0.06
