@@ -19,7 +19,7 @@ def evaluate(
     ablation: Annotated[
         bool, typer.Option("--ablation", help="Profiles paper and joint, and joint with one part left out each.")
     ] = False,
-    out: Annotated[Path, typer.Option(help="Folder for products, evaluate.json and evaluate.csv.")] = Path(
+    out: Annotated[Path, typer.Option(help="Folder for products, tables and reliability diagrams.")] = Path(
         "out/evaluate"
     ),
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout: images and summary.")] = False,
@@ -39,6 +39,7 @@ def evaluate(
     from flows.evaluate import evaluate_archive
     from flows.evaluate_summary import summary_of
     from flows.evaluate_table import evaluation_table, write_csv
+    from tasks.pictures.reliability_figure import reliability_figure
 
     named = profile or ([] if ablation else [DEFAULT_PROFILE])
     profiles = [*(usable_profile(name, None) for name in named), *(ablated() if ablation else [])]
@@ -57,6 +58,8 @@ def evaluate(
         report = {"archive": str(folder), "summary": summary, "images": rows}
         (out / "evaluate.json").write_text(dumps(report, indent=1, allow_nan=False) + "\n")
         write_csv(out / "evaluate.csv", rows)
+        for each in profiles:
+            reliability_figure(rows, each.name).savefig(out / f"reliability-{each.name}.png", format="png")
         if json:
             write_json(answer, report)
         else:

@@ -101,6 +101,7 @@ def test_the_command_refuses_nothing_and_writes_its_figures(tmp_path: Path) -> N
     assert report["summary"][-1]["refused"] == 1
     (line,) = csv.DictReader((out / "evaluate.csv").open())
     assert (line["product"], line["status"], line["after_centre_error_px"]) == ("A", "refused", "")
+    assert (out / "reliability-paper.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_poses_of_the_steps_come_from_the_chains_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
