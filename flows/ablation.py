@@ -13,7 +13,7 @@ def ablation() -> list[Profile]:
     without priors; named for what they lack."""
     joint = find_profile("joint")
     settings = joint.joint
-    still = settings.tiles.model_copy(update={"gain": 0.0, "slope": 0.0})
+    still = settings.tiles.model_copy(update={"gain": 0.0, "slope": 0.0, "veil": 0.0})
     changes: dict[str, dict[str, Any]] = {
         "one-law": {"mapped": ("lunar-lambert",), "plain": ()},
         "no-tiles": {"tiles": still},
