@@ -1,6 +1,6 @@
 """The paper's own published result: geometry of 57 images of Europa, corrected by its authors.
 
-Belgacem et al. 2020 (DOI in the README), data structure `data_EUR` of its supplement: `europa57.csv` holds its numbers
+Belgacem et al. 2020, data structure `data_EUR` of its supplement: `europa57.csv` holds its numbers
 in this program's conventions. Converted from ECLIPJ2000 metres to J2000 kilometres; Rcam's columns were the camera's
 axes (sample, line, boresight), moon_att led from the body to ECLIPJ2000; Sun_pos was relative to the spacecraft. The
 quaternions (scalar last) are camera_from_j2000 and body_from_j2000.

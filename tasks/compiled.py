@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from typing import Any
 
-
 # What may be done to floating-point sums and quotients where the last digits do not matter; NaN and inf stay what they
 # are.
 REORDERED = {"reassoc", "contract", "arcp", "nsz"}

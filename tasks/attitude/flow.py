@@ -26,7 +26,7 @@ def optical_flow(
     search_px: int = 21,
     min_texture: float = 0.0,
 ) -> Flow:
-    """Normalised cross-correlation (paper, eq. 13) of the `template_px` box around every pixel of the simulation with
+    """Normalised cross-correlation (paper, eq. 11) of the `template_px` box around every pixel of the simulation with
     every place inside the `search_px` box of the image, refined to a fraction of a pixel by paraboloids.
 
     image, simulation, usable: (ny, nx); min_texture: smallest standard deviation of a template. The sums of

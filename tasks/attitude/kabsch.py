@@ -11,7 +11,7 @@ MIN_SPREAD_RAD = 0.03
 def kabsch(p: NDArray, q: NDArray, weight: NDArray | None = None) -> NDArray[np.float64]:
     """Rotation R (3, 3) about the origin that minimises sum w |R p_i - q_i|^2 for points p, q (n, 3), weights (n,).
 
-    C = P^T Q = U S V^T, R = V diag(1, 1, det(V U^T)) U^T (Kabsch 1978; paper, eq. 15), never a reflection.
+    C = P^T Q = U S V^T, R = V diag(1, 1, det(V U^T)) U^T (Kabsch 1978; paper, eq. 13), never a reflection.
     Raises ValueError when the points are fewer than three or (within MIN_SPREAD_RAD) on one line through the origin,
     which leaves a turn undetermined, or when some are not finite.
     """

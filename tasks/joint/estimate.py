@@ -1,33 +1,29 @@
-"""The joint step: solve with the range free, judge it, and bring in what the trajectory knows of the range."""
+"""Solve with the range free, judge it, and bring in what the trajectory knows of the range."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
-from catalog.pose import Pose
-from tasks.correction import Correction
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, solve_joint
-from tasks.joint.uncertainty import DistortionError, bent, covariance, of_the_body, systematic, untold_directions
+from tasks.joint.uncertainty import DistortionError, bent, covariance, of_the_body, systematic
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
-Told = dict[str, Any]
 Source = Literal["spice", "label", "file"]
 
 # How far away the second start lies: pixels of the centre, of the limb, degrees.
 SECOND_START = (1.2, -0.9, 0.8, 0.3)
 # Sub-pixels per side while the solution is still on its way; then so many that the disk is this many across.
 COARSE, FINE_ACROSS, FINEST = 2, 900.0, 8
-CONFLICT_SIGMAS = 5.0
 EXACT = DistortionError()
 DISAGREEMENT_PX = 0.3
 
@@ -44,35 +40,6 @@ class Estimate:
     state: State
     free_covariance: Array
     covariance: Array
-
-
-def find_pose_jointly(
-    observation: Observation,
-    pose: Pose,
-    predicted: Pose,
-    source: Source,
-    scene: Scene,
-    settings: JointSettings,
-    progress: Progress | None = None,
-    distortion: DistortionError = EXACT,
-) -> Correction:
-    """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
-
-    pose: where to start. predicted: what the metadata say, from `source`; the priors are about it. changed and
-    uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
-    `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
-    pixels are usable.
-    """
-    priors: PriorSettings = getattr(settings.priors, source)
-    metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
-    if is_uniform(scene):
-        settings = without_markings(settings)
-    sigmas = prior_sigmas(priors)
-    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion)
-    away = (
-        second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
-    )
-    return as_correction(estimate, start, metadata, sigmas, away, scene)
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -191,114 +158,3 @@ def second_start(
         return None
     apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
-
-
-def as_correction(
-    estimate: Estimate,
-    start: State,
-    metadata: State,
-    sigmas: Array,
-    away_px: float | None,
-    scene: Scene,
-) -> Correction:
-    """The estimate in the words that all steps share."""
-    step = difference(estimate.state, start, scene.camera)
-    sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0))
-    free, held = estimate.free, estimate.free.held
-    surplus = float(difference(estimate.free_state, metadata, scene.camera)[RANGE])
-    free_sigma = float(np.sqrt(estimate.free_covariance[RANGE, RANGE]))
-    radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
-    evidence: dict[str, Any] = {
-        "iterations": len(free.history),
-        "history": [taken.tolist() for taken in free.history],
-        "unknowns": list(NAMES),
-        "covariance": estimate.covariance.tolist(),
-        "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
-        "held_by_prior": [u.to_dict() for u in untold_directions(free.fit, estimate.shown, sigmas, held)],
-        "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),
-        "roll_attitude_correlation": [correlation(estimate.covariance, ROLL, axis) for axis in (4, 5, 6)],
-        "turn_about_sight_assigned_to": "camera" if sigmas[ROLL] > sigmas[ATTITUDE.start] else "target",
-        "range_factor_prior_sigma": float(sigmas[RANGE]) if np.isfinite(sigmas[RANGE]) else None,
-        "second_start_px": away_px,
-        "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
-    }
-    if is_uniform(scene):
-        evidence["attitude_held"] = "the base map is uniform: pointing, range and roll are from shape and shading alone"
-    doubts = [
-        doubt_of_convergence(free),
-        doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), bool(held[RANGE])),
-        doubt_of_start(away_px, np.sqrt(np.trace(estimate.free_covariance[OFFSET, OFFSET])), free_sigma * radius),
-    ]
-    if any(doubts):
-        evidence["doubt"] = " ".join(doubt for doubt in doubts if doubt)
-    changed = {
-        "offset_px": step[OFFSET].tolist(),
-        "range_factor": float(np.exp(step[RANGE])),
-        "roll_deg": float(step[ROLL]),
-        "attitude_deg": step[ATTITUDE].tolist(),
-        "psf_sigma_px": estimate.state.psf_sigma_px,
-        "range_factor_free": float(np.exp(surplus)),
-    }
-    uncertainty = {
-        "offset_px": sigma[OFFSET].tolist(),
-        "range_factor": float(sigma[RANGE]),
-        "roll_deg": float(sigma[ROLL]),
-        "attitude_deg": sigma[ATTITUDE].tolist(),
-        "psf_sigma_px": float(sigma[PSF] * estimate.state.psf_sigma_px),
-        "range_factor_free": free_sigma,
-    }
-    return Correction("joint", estimate.state.pose, *without_held(changed, uncertainty, held), evidence, free.converged)
-
-
-def without_held(changed: Told, uncertainty: Told, held: NDArray[np.bool_]) -> tuple[Told, Told]:
-    """Both with None for what was held and so not determined; a held offset is none, a held factor one."""
-    places = {
-        "offset_px": OFFSET.start,
-        "range_factor": RANGE,
-        "range_factor_free": RANGE,
-        "roll_deg": ROLL,
-        "attitude_deg": ATTITUDE.start,
-        "psf_sigma_px": PSF,
-    }
-    not_found = {key for key, place in places.items() if held[place]}
-    kept = {"offset_px", "range_factor", "psf_sigma_px"}
-    return (
-        {key: None if key in not_found - kept else value for key, value in changed.items()},
-        {key: None if key in not_found else value for key, value in uncertainty.items()},
-    )
-
-
-def correlation(matrix: Array, i: int, j: int) -> float:
-    """Correlation coefficient of two unknowns; 0 when one is held."""
-    scale = float(np.sqrt(matrix[i, i] * matrix[j, j]))
-    return float(matrix[i, j]) / scale if scale > 0 else 0.0
-
-
-def doubt_of_convergence(free: Solution) -> str | None:
-    """Whether the iterations came to rest."""
-    if free.converged:
-        return None
-    return f"joint-not-settled: {len(free.history)} iterations did not come to rest. Check picture and predicted pose."
-
-
-def doubt_of_range(surplus: float, sigma: float, prior: float, held: bool) -> str | None:
-    """Whether the range that the image wants contradicts the trajectory."""
-    allowed = CONFLICT_SIGMAS * float(np.hypot(sigma, prior))
-    if held or abs(surplus) <= allowed:
-        return None
-    return (
-        f"range-conflict: the image wants {np.exp(surplus):.5f} times the predicted range, the metadata allow "
-        f"{prior:.1g} and the fit {sigma:.1g} (1 sigma). Check the target's radii and the source of the range."
-    )
-
-
-def doubt_of_start(away_px: float | None, centre_sigma_px: float, limb_sigma_px: float) -> str | None:
-    """Whether another start led elsewhere."""
-    if away_px is None or away_px <= max(
-        DISAGREEMENT_PX, CONFLICT_SIGMAS * float(np.hypot(centre_sigma_px, limb_sigma_px))
-    ):
-        return None
-    return (
-        f"starts-disagree: from another start the solution lies {away_px:.2f} px away. Check the picture; "
-        f"help with --start-offset or --hold."
-    )

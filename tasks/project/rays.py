@@ -1,6 +1,6 @@
 """Lines of sight and the target's ellipsoid in coordinates where the ellipsoid is the unit sphere.
 
-Body-fixed kilometres divided by the three radii turn the paper's equation 12, (X - V)^T A (X - V) = 1 with
+Body-fixed kilometres divided by the three radii turn the paper's equation 14, (X - V)^T A (X - V) = 1 with
 A = R diag(1/r^2) R^T (the paper prints 1/r), into p . p = 1. Normals, silhouettes and shadows become dot products:
 a surface point p faces a point s outside (spacecraft or Sun) exactly when p . s > 1.
 """
