@@ -82,10 +82,11 @@ def test_another_map_of_europa_moves_the_centre_by_tenths_of_a_pixel(bench: Benc
 
 @pytest.fixture(scope="module")
 def io(bench: Bench) -> dict[str, Any]:
-    """Io by Voyager 1: the archived C-matrix, positions from kernels."""
+    """Io by Voyager 1: the archived C-matrix, positions from kernels; by the profile that trusts the limb."""
     pose_file = bench.write_json("io.json", {"camera_from_j2000": orientation_of_f1636832().tolist()})
     kernels = (bench.data / "kernels",)
-    return bench.correct(bench.image("voyager/f1636832.raw"), target="io", pose_file=pose_file, kernels=kernels)
+    options: dict[str, Any] = {"target": "io", "pose_file": pose_file, "kernels": kernels}
+    return bench.correct(bench.image("voyager/f1636832.raw"), profile=find_profile("standard"), **options)
 
 
 def test_io_by_voyager_is_where_jpls_limb_fit_has_it(bench: Bench, io: dict[str, Any]) -> None:
