@@ -36,6 +36,9 @@ oversample = 2
 [joint]
 oversample = 2
 second_start = false
+
+[point]
+stop_px = 0.1
 """
 
 Correct = Callable[..., dict[str, Any]]
@@ -227,6 +230,7 @@ def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     print(report["overestimated_distance"])
     assert image["range_factor"] == pytest.approx(plain_result["range_factor"], abs=1e-3)
     result = correct(resume=tmp_path / "adjusted", hold=("range", "attitude", "roll"))
+    assert result["reason"] is None
     assert result["range_factor"] == pytest.approx(image["range_factor"], rel=1e-9)
     assert result["roll_deg"] == pytest.approx(image["roll_deg"], abs=1e-3)  # the roll that was resumed and held
     assert result["attitude_deg"] == pytest.approx(image["attitude_deg"], abs=1e-3)

@@ -10,6 +10,8 @@ sys.path.append(str(Path(__file__).parent / "helpers"))
 
 from real_bench import Bench
 
+from flows.profile import find_profile
+
 
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory: pytest.TempPathFactory, data_folder: Path) -> Bench:
@@ -19,5 +21,12 @@ def bench(tmp_path_factory: pytest.TempPathFactory, data_folder: Path) -> Bench:
 
 @pytest.fixture(scope="session")
 def europa(bench: Bench) -> dict[str, Any]:
-    """Europa by Galileo, corrected by the standard profile."""
+    """Europa by Galileo, corrected as it is by default."""
     return bench.correct(bench.image("galileo/C0552809300R.IMG"))
+
+
+@pytest.fixture(scope="session")
+def europa_by_limb(bench: Bench) -> dict[str, Any]:
+    """The same by the standard profile, which trusts the limb."""
+    image = bench.image("galileo/C0552809300R.IMG")
+    return bench.correct(image, store="by-limb", profile=find_profile("standard"))

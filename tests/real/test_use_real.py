@@ -33,13 +33,13 @@ pixel_pitch_mm = 0.01524
 
 
 @pytest.fixture(scope="module")
-def exported(bench: Bench, europa: dict[str, Any]) -> Bench:
+def exported(bench: Bench, europa_by_limb: dict[str, Any]) -> Bench:
     """The bench with the Galileo image as europa.fits and europa8.png, and wrong.json: the corrected pose with planted
     errors."""
     image = read_frame(bench.image(EUROPA)).observation.image
     fits.PrimaryHDU(image).writeto(bench.folder / "europa.fits")
     Image.fromarray(image.astype(np.uint8)).save(bench.folder / "europa8.png")
-    pose, camera = Pose.from_dict(europa["pose"]), find_camera("galileo-ssi")
+    pose, camera = Pose.from_dict(europa_by_limb["pose"]), find_camera("galileo-ssi")
     turned = rotation_from_vector_deg(PLANTED["attitude_deg"]) @ pose.body_from_j2000
     wrong = pose_moved_by(pose, camera, PLANTED["offset_px"]).with_range_factor(PLANTED["range_factor"])
     bench.write_json("wrong.json", wrong.replaced(body_from_j2000=turned).to_dict())
@@ -48,7 +48,7 @@ def exported(bench: Bench, europa: dict[str, Any]) -> Bench:
 
 @pytest.mark.parametrize("name", ["europa.fits", "europa8.png"])
 def test_any_picture_with_camera_target_and_pose_file_gives_what_the_vicar_file_gave(
-    exported: Bench, europa: dict[str, Any], name: str
+    exported: Bench, europa_by_limb: dict[str, Any], name: str
 ) -> None:
     result = exported.correct(
         exported.folder / name,
@@ -58,7 +58,7 @@ def test_any_picture_with_camera_target_and_pose_file_gives_what_the_vicar_file_
         pose_file=exported.folder / "wrong.json",
         profile=shorter(2),
     )
-    away = np.subtract(result["centre_px"], europa["centre_px"])
+    away = np.subtract(result["centre_px"], europa_by_limb["centre_px"])
     turn = np.subtract(result["attitude_deg"], PLANTED["attitude_deg"])
     print(f"{name}: centre {away.round(4)} px from the VICAR file's, bar 0.05; offset {result['offset_px']};", end=" ")
     print(f"range factor {result['range_factor'] * PLANTED['range_factor']:.5f}, attitude off by {turn.round(3)} deg")
@@ -70,7 +70,7 @@ def test_any_picture_with_camera_target_and_pose_file_gives_what_the_vicar_file_
     assert (result["camera"], result["target"], result["pose_source"]) == ("galileo-ssi", "europa", "file")
 
 
-def test_a_users_camera_needs_five_lines(exported: Bench, europa: dict[str, Any]) -> None:
+def test_a_users_camera_needs_five_lines(exported: Bench, europa_by_limb: dict[str, Any]) -> None:
     """Without the distortion the disk's centre is half a pixel away at most (1.2 px in the frame's corner)."""
     result = exported.correct(
         exported.folder / "europa8.png",
@@ -80,15 +80,17 @@ def test_a_users_camera_needs_five_lines(exported: Bench, europa: dict[str, Any]
         pose_file=exported.folder / "wrong.json",
         profile=shorter(2),
     )
-    away = np.subtract(result["centre_px"], europa["centre_px"])
+    away = np.subtract(result["centre_px"], europa_by_limb["centre_px"])
     print(f"pinhole: centre {away.round(3)} px from the corrected frame's, limb rms {result['limb_rms_px']:.3f} px")
     assert (result["status"], result["camera"], result["target"]) == ("ok", "my-ssi", "europa")
     assert np.hypot(*away) < 0.5
     assert result["limb_rms_px"] < 0.2
 
 
-def test_the_pose_of_a_result_is_a_pose_file_that_needs_no_correction(bench: Bench, europa: dict[str, Any]) -> None:
-    pose_file = bench.write_json("corrected.json", europa["pose"])
+def test_the_pose_of_a_result_is_a_pose_file_that_needs_no_correction(
+    bench: Bench, europa_by_limb: dict[str, Any]
+) -> None:
+    pose_file = bench.write_json("corrected.json", europa_by_limb["pose"])
     again = bench.correct(bench.image(EUROPA), store="again", pose_file=pose_file, profile=shorter(2))
     print(f"offset {again['offset_px']} px, range factor {again['range_factor']}, attitude {again['attitude_deg']} deg")
     assert (again["status"], again["pose_source"]) == ("ok", "file")
@@ -131,11 +133,11 @@ def test_a_second_run_does_no_step_and_prints_one_json_object(bench: Bench, euro
     ],
 )
 def test_a_changed_setting_redoes_its_step_and_what_follows(
-    bench: Bench, europa: dict[str, Any], setting: str, first: str | None
+    bench: Bench, europa_by_limb: dict[str, Any], setting: str, first: str | None
 ) -> None:
-    assert europa["status"] == "ok"
+    assert europa_by_limb["status"] == "ok"
     profile = merged_with_standard(bench, setting)
-    assert bench.first_undone(bench.image(EUROPA), profile=profile) == first
+    assert bench.first_undone(bench.image(EUROPA), profile=profile, store="by-limb") == first
 
 
 def merged_with_standard(bench: Bench, setting: str) -> Any:
