@@ -10,34 +10,33 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State
+from tasks.joint.moved import changes_of_place
+from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.settings import JointSettings
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
-from tasks.simulate.photometry import Law, laws
-from tasks.simulate.scene import detect
+from tasks.simulate.photometry import laws
+from tasks.simulate.pixels import detect
 from tasks.simulate.window import Window, disk_radius_px
 
 Image = NDArray[np.float32]
-PSF_STEP = 0.04
 
 
 @dataclass(frozen=True)
 class Model:
     """The rendered surface at `state` under `window`, and the images that do not depend on the linear weights.
 
-    bases: (k, ny, nx), mapped laws first, then plain ones. background: (b, ny, nx). centre_px: target's
-    centre in the window.
+    shades: what the laws, mapped ones first, then plain ones, make of the sub-pixels without the map. bases: (k, ny,
+    nx), of these laws. background: (b, ny, nx). centre_px: target's centre in the window.
     """
 
     state: State
     window: Window
     oversample: int
     surface: FineSurface
-    laws: tuple[Law, ...]
+    shades: list[Image]
     mapped: int
-    phase_deg: float
     bases: Image
     background: Image
     coverage: Image
@@ -74,29 +73,14 @@ class Model:
         """Change of the image (8, ny, nx) per unit of each unknown of `parameters.NAMES`, at the bases'
         weights (k,) and the tiles' gains (ny, nx)."""
         s, sigma = self.oversample, self.state.psf_sigma_px
-        reflectance = [law(self.surface.mu0, self.surface.mu, self.phase_deg) for law in self.laws]
-        shading = self.surface.cover * _weighted(reflectance[: self.mapped], weights[: self.mapped])
+        shading = _weighted(self.shades[: self.mapped], weights[: self.mapped])
         fine = shading * self.surface.albedo
-        fine += self.surface.cover * _weighted(reflectance[self.mapped :], weights[self.mapped :])
-        factor = 1 + gain
-        gradient_y, gradient_x = np.gradient(fine)
-        gradient_x *= s
-        gradient_y *= s
-        ny, nx = fine.shape
-        x = ((np.arange(nx, dtype=np.float32) + 0.5) / s - 0.5 - np.float32(self.centre_px[0]))[None, :]
-        y = ((np.arange(ny, dtype=np.float32) + 0.5) / s - 0.5 - np.float32(self.centre_px[1]))[:, None]
-        changes: dict[int, Image] = {}
-        changes[0], changes[1] = -gradient_x, -gradient_y
-        changes[RANGE] = x * gradient_x + y * gradient_y
-        changes[ROLL] = np.float32(np.pi / 180) * (y * gradient_x - x * gradient_y)
-        for number, axis in enumerate(range(ATTITUDE.start, ATTITUDE.stop)):
-            changes[axis] = shading * self.surface.albedo_per_deg[number]
+        fine += _weighted(self.shades[self.mapped :], weights[self.mapped :])
         out = np.empty((len(NAMES), *self.window.shape), np.float32)
-        for number in range(PSF):
-            out[number] = factor * detect(changes[number], s, sigma)
-        wider = detect(fine, s, sigma * (1 + PSF_STEP))
-        narrower = detect(fine, s, sigma / (1 + PSF_STEP))
-        out[PSF] = factor * (wider - narrower) / np.float32(2 * np.log1p(PSF_STEP))
+        changes_of_place(fine, self.centre_px, s, sigma, out)
+        for number, axis in enumerate(range(ATTITUDE.start, ATTITUDE.stop)):
+            out[axis] = detect(shading * self.surface.albedo_per_deg[number], s, sigma)
+        out *= 1 + gain
         return out
 
 
@@ -113,11 +97,9 @@ def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, setti
     surface = fine_surface(scene, state.pose, window, s)
     phase = state.pose.phase_deg
     chosen = (*laws(settings.mapped), *laws(settings.plain))
-    bases = []
-    for number, law in enumerate(chosen):
-        reflectance = law(surface.mu0, surface.mu, phase)
-        fine = reflectance * (surface.albedo if number < len(settings.mapped) else 1)
-        bases.append(detect(fine * surface.cover, s, state.psf_sigma_px))
+    shade = {law: law(surface.mu0, surface.mu, phase) * surface.cover for law in set(chosen)}
+    shades = [shade[law] for law in chosen]
+    fine = [each * surface.albedo if k < len(settings.mapped) else each for k, each in enumerate(shades)]
     centre = scene.camera.project(state.pose.target_in_camera_km) - (window.x0, window.y0)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
     return Model(
@@ -125,10 +107,9 @@ def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, setti
         window=window,
         oversample=s,
         surface=surface,
-        laws=chosen,
+        shades=shades,
         mapped=len(settings.mapped),
-        phase_deg=phase,
-        bases=np.stack(bases),
+        bases=np.stack([detect(each, s, state.psf_sigma_px) for each in fine]),
         background=_polynomials(window.shape, centre, radius, 1 if settings.background == "plane" else 0),
         coverage=detect(surface.cover, s, state.psf_sigma_px),
         mu0=detect(surface.mu0 * surface.cover, s, 0.0),

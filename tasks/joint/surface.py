@@ -109,6 +109,13 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
     map_rows, map_columns = albedo.shape
     c = spacecraft @ spacecraft - 1.0
     along_x, along_y = to_scaled[:, 0].copy(), to_scaled[:, 1].copy()
+    per_u, per_v = 2 * (along_x @ spacecraft), 2 * (along_y @ spacecraft)
+    ox, oy, oz = spacecraft[0], spacecraft[1], spacecraft[2]
+    rx, ry, rz = radii[0], radii[1], radii[2]
+    inverse_x, inverse_y, inverse_z = 1 / rx, 1 / ry, 1 / rz
+    columns_per_rad, rows_per_rad = map_columns / (2 * np.pi), map_rows / np.pi
+    left_edge_rad = np.radians(left_edge_deg)
+    degree = np.pi / 180
     for i in range(rows):
         v = first[1] + i * step
         for j in range(columns):
@@ -118,12 +125,12 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             dz = along_x[2] * u + along_y[2] * v + to_scaled[2, 2]
             # With q = d.d, b = d.o: the ray hits where b^2 - q c > 0; its gradient in (u, v) gives the limb's distance.
             q = dx * dx + dy * dy + dz * dz
-            b = dx * spacecraft[0] + dy * spacecraft[1] + dz * spacecraft[2]
+            b = dx * ox + dy * oy + dz * oz
             if b >= 0:
                 continue
             inside = b * b - q * c
-            slope_u = 2 * b * (along_x @ spacecraft) - 2 * c * (along_x[0] * dx + along_x[1] * dy + along_x[2] * dz)
-            slope_v = 2 * b * (along_y @ spacecraft) - 2 * c * (along_y[0] * dx + along_y[1] * dy + along_y[2] * dz)
+            slope_u = b * per_u - 2 * c * (along_x[0] * dx + along_x[1] * dy + along_x[2] * dz)
+            slope_v = b * per_v - 2 * c * (along_y[0] * dx + along_y[1] * dy + along_y[2] * dz)
             slope = np.sqrt(slope_u * slope_u + slope_v * slope_v)
             distance = inside / (slope * step)
             if distance <= -0.5:
@@ -131,47 +138,50 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             filled = min(distance + 0.5, 1.0)
             cover[i, j] = filled
             t = (-b - np.sqrt(max(inside, 0.0))) / q
-            sx, sy, sz = spacecraft[0] + t * dx, spacecraft[1] + t * dy, spacecraft[2] + t * dz
-            length = np.sqrt(sx * sx + sy * sy + sz * sz)
-            sx, sy, sz = sx / length, sy / length, sz / length
-            nx, ny, nz = sx / radii[0], sy / radii[1], sz / radii[2]
-            n = np.sqrt(nx * nx + ny * ny + nz * nz)
-            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / n
-            ex, ey, ez = dx * radii[0], dy * radii[1], dz * radii[2]
-            emission = -(nx * ex + ny * ey + nz * ez) / (n * np.sqrt(ex * ex + ey * ey + ez * ez))
+            sx, sy, sz = ox + t * dx, oy + t * dy, oz + t * dz
+            length = 1 / np.sqrt(sx * sx + sy * sy + sz * sz)
+            sx, sy, sz = sx * length, sy * length, sz * length
+            nx, ny, nz = sx * inverse_x, sy * inverse_y, sz * inverse_z
+            n = 1 / np.sqrt(nx * nx + ny * ny + nz * nz)
+            nx, ny, nz = nx * n, ny * n, nz * n
+            incidence = nx * sun[0] + ny * sun[1] + nz * sun[2]
+            ex, ey, ez = dx * rx, dy * ry, dz * rz
+            e = 1 / np.sqrt(ex * ex + ey * ey + ez * ez)
+            ex, ey, ez = ex * e, ey * e, ez * e
+            emission = -(nx * ex + ny * ey + nz * ez)
             mu[i, j] = max(emission, 0.0)
             if incidence <= 0:
                 continue
             mu0[i, j] = incidence
-            px, py, pz = sx * radii[0], sy * radii[1], sz * radii[2]
-            flat = np.sqrt(px * px + py * py)
-            longitude, latitude = np.degrees(np.arctan2(py, px)), np.degrees(np.arctan2(pz, flat))
-            x = ((longitude - left_edge_deg) % 360.0) * (map_columns / 360.0) - 0.5
-            y = (90.0 - latitude) * (map_rows / 180.0) - 0.5
-            # Near the limb a sub-pixel covers a long strip of ground, away from the spacecraft: average along it.
-            nx, ny, nz, e = nx / n, ny / n, nz / n, np.sqrt(ex * ex + ey * ey + ez * ez)
-            ux, uy, uz = -ex / e - emission * nx, -ey / e - emission * ny, -ez / e - emission * nz
-            flat_sure = max(flat, 1e-6)
+            px, py, pz = sx * rx, sy * ry, sz * rz
+            flat = max(np.sqrt(px * px + py * py), 1e-6)
             far = np.sqrt(flat * flat + pz * pz)
-            east = (-py * ux + px * uy) / flat_sure
-            north = (-(px * ux + py * uy) * pz / flat_sure + flat * uz) / far
-            strips = int(min(max(0.6 / max(emission, 0.06), 1.0), 10.0))
-            reach = 0.5 * pixel_rad * min(1 / max(emission, 0.06), 16.0) if strips > 1 else 0.0
-            strip_x = reach * east * far / flat_sure * map_columns / (2 * np.pi)
-            strip_y = -reach * north * map_rows / np.pi
-            total = 0.0
-            for k in range(strips):
-                at = (2 * k + 1.0) / strips - 1.0
-                total += _bilinear(albedo, x + at * strip_x, y + at * strip_y)
-            value[i, j] = total / strips
+            around = np.arctan2(py, px) - left_edge_rad
+            x = (around - 2 * np.pi * np.floor(around / (2 * np.pi))) * columns_per_rad - 0.5
+            y = (0.5 * np.pi - np.arctan2(pz, flat)) * rows_per_rad - 0.5
+            # Near the limb a sub-pixel covers a long strip of ground, away from the spacecraft: average along it.
+            total, strips = 0.0, 1
+            if emission < 0.3:
+                strips = int(min(0.6 / max(emission, 0.06), 10.0))
+            if strips > 1:
+                ux, uy, uz = -ex - emission * nx, -ey - emission * ny, -ez - emission * nz
+                east = (-py * ux + px * uy) / flat
+                north = (-(px * ux + py * uy) * pz / flat + flat * uz) / far
+                reach = 0.5 * pixel_rad * min(1 / max(emission, 0.06), 16.0)
+                strip_x = reach * east * far / flat * columns_per_rad
+                strip_y = -reach * north * rows_per_rad
+                for k in range(strips):
+                    at = (2 * k + 1.0) / strips - 1.0
+                    total += _bilinear(albedo, x + at * strip_x, y + at * strip_y)
+                value[i, j] = total / strips
+            else:
+                value[i, j] = _bilinear(albedo, x, y)
             # Per radian of longitude and latitude; then by the places that a turn of the body brings under the ray.
-            stretch = min(half_step * (flat * flat + pz * pz) ** 0.5 / max(flat, 1e-6), map_columns / 8.0)
+            stretch = min(half_step * far / flat, map_columns / 8.0)
             per_longitude = (_bilinear(albedo, x + stretch, y) - _bilinear(albedo, x - stretch, y)) / (2 * stretch)
-            per_longitude *= map_columns / (2 * np.pi)
+            per_longitude *= columns_per_rad
             per_latitude = (_bilinear(albedo, x, y - half_step) - _bilinear(albedo, x, y + half_step)) / (2 * half_step)
-            per_latitude *= map_rows / np.pi
-            flat = max(flat, 1e-6)
-            degree = np.pi / 180
+            per_latitude *= rows_per_rad
             change[0, i, j] = degree * (per_longitude * px * pz / (flat * flat) - per_latitude * py / flat)
             change[1, i, j] = degree * (per_longitude * py * pz / (flat * flat) + per_latitude * px / flat)
             change[2, i, j] = -degree * per_longitude
@@ -184,8 +194,11 @@ def _bilinear(albedo, x, y):  # type: ignore[no-untyped-def]
     y = min(max(y, 0.0), rows - 1.0)
     left, top = int(np.floor(x)), int(y)
     fx, fy = x - left, y - top
-    left = left % columns
-    right, below = (left + 1) % columns, min(top + 1, rows - 1)
+    if left < 0 or left >= columns:
+        left %= columns
+    right, below = left + 1, min(top + 1, rows - 1)
+    if right == columns:
+        right = 0
     upper = albedo[top, left] * (1 - fx) + albedo[top, right] * fx
     lower = albedo[below, left] * (1 - fx) + albedo[below, right] * fx
     return upper * (1 - fy) + lower * fy

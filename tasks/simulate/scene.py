@@ -13,6 +13,7 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.simulate.mitsuba_geometry import render_positions
 from tasks.simulate.photometry import BASES
+from tasks.simulate.pixels import detect
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
 
@@ -123,15 +124,3 @@ class Scene:
             coverage=detect(surface.hit.astype(np.float32), s, sigma),
             lit=detect((surface.mu0 > 0).astype(np.float32), s, sigma),
         )
-
-
-def detect(fine: NDArray[np.float32], oversample: int, psf_sigma_px: float) -> NDArray[np.float32]:
-    """Blur a sub-pixel image (ny*s, nx*s) by a Gaussian PSF and integrate it over square pixels to (ny, nx)."""
-    import cv2
-
-    if psf_sigma_px > 0:
-        fine = cv2.GaussianBlur(fine, (0, 0), psf_sigma_px * oversample, borderType=cv2.BORDER_REPLICATE)
-    if oversample == 1:
-        return fine
-    ny, nx = fine.shape[0] // oversample, fine.shape[1] // oversample
-    return cv2.resize(fine, (nx, ny), interpolation=cv2.INTER_AREA)
