@@ -1,6 +1,6 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -78,6 +78,13 @@ class Scene:
             return self.settings.oversample
         diameter = 2 * disk_radius_px(pose, self.camera, self.target)
         return int(np.clip(np.ceil(600 / max(diameter, 1.0)), 2, 8))
+
+    def coarser(self, pose: Pose, across: float) -> "Scene":
+        """The same with no more sub-pixels than make the disk `across` of them wide."""
+        diameter = 2 * disk_radius_px(pose, self.camera, self.target)
+        enough = max(1, int(np.ceil(across / max(diameter, 1.0))))
+        oversample = min(self.oversample_for(pose), enough)
+        return replace(self, settings=self.settings.model_copy(update={"oversample": oversample}))
 
     def window(self, pose: Pose, margin_px: float | None = None) -> Window:
         """The target's window (see `target_window`)."""

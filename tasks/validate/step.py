@@ -14,6 +14,9 @@ from tasks.validate import ValidateSettings, validate_limb
 from tasks.validate.limb import margin_px
 from tasks.work import Work
 
+# Sub-pixels across the disk of the picture before: its similarity need only be right to 0.001.
+ACROSS_BEFORE = 400.0
+
 
 def run(work: Work) -> dict[str, Any]:
     """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one."""
@@ -34,6 +37,7 @@ def similarity_before(observation: Observation, pose: Pose, scene: Scene, settin
         return None
     if min(window.shape) < 1:
         return None
-    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=margin_px(settings)))
+    window = framed_window(scene, pose, margin_px=margin_px(settings))
+    match = match_scene(observation, scene.coarser(pose, ACROSS_BEFORE), pose, window)
     similarity: float | None = plain(ssim(match.image, fit_brightness(match, match.simulation.bases)[0], match.usable))
     return similarity
