@@ -25,6 +25,8 @@ SECOND_START = (1.2, -0.9, 0.8, 0.3)
 # Sub-pixels per side while the solution is still on its way; then so many that the disk is this many across.
 COARSE, FINE_ACROSS, FINEST = 2, 900.0, 8
 EXACT = DistortionError()
+# It only has to show where it leads: at half of the pixels where so many are left across, and in so many steps.
+SECOND_DIAMETER_PX, SECOND_ITERATIONS = 140.0, 6
 DISAGREEMENT_PX = 0.3
 
 
@@ -152,9 +154,11 @@ def second_start(
     step[estimate.free.held] = 0
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    scale = Scale.of(observation, scene, start, settings.first_diameter_px)
-    other = _solved(scale, start.moved(step, scene.camera), metadata, coarse(settings), free_range)
-    if not other.converged or scale.n * np.hypot(*other.left[OFFSET]) > DISAGREEMENT_PX / 2:
+    across = min(settings.first_diameter_px, max(SECOND_DIAMETER_PX, radius))
+    scale = Scale.of(observation, scene, start, across)
+    quick = coarse(settings).model_copy(update={"max_iterations": SECOND_ITERATIONS})
+    other = _solved(scale, start.moved(step, scene.camera), metadata, quick, free_range)
+    if scale.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > DISAGREEMENT_PX / 2:
         return None
     apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
