@@ -81,13 +81,13 @@ def find_attitude(
     quick = reductions[0]
     turned, turns, settled = pose, [], False
     match, at = simulated_match(observation, scene, pose, quick), quick
-    before = likeness(match)
-    if one_turn(match, settings).vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
+    before, turn = likeness(match), one_turn(match, settings)
+    if turn.vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
         reductions.insert(0, 2 * reductions[0])  # the markings may be beyond the search: seen from afar they are not
     for iteration, reduction in enumerate([*reductions, *reductions[-1:] * (settings.max_turns - 1)], 1):
         if match.pose is not turned or at != reduction:
             match, at = simulated_match(observation, scene, turned, reduction), reduction
-        turn = one_turn(match, settings)
+            turn = one_turn(match, settings)
         turns.append({"reduction": reduction, **turn.evidence})
         turned = turn.pose
         if progress:
