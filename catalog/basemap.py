@@ -36,6 +36,16 @@ class BaseMap:
         lower = self.albedo[below, left] * (1 - fx) + self.albedo[below, right] * fx
         return upper * (1 - fy) + lower * fy
 
+    def moved(self, north_deg: float, east_deg: float) -> "BaseMap":
+        """The map with all that it shows moved north and east, degrees; the poles' edge rows are held."""
+        rows, _ = self.albedo.shape
+        shift = north_deg * rows / 180.0
+        above = np.clip(np.arange(rows) + shift, 0, rows - 1)
+        top = np.minimum(above.astype(np.intp), rows - 2)
+        part = (above - top).astype(np.float32)[:, None]
+        albedo = self.albedo[top] * (1 - part) + self.albedo[top + 1] * part
+        return BaseMap(self.name, albedo, self.left_edge_deg + east_deg, self.sha256)
+
 
 def uniform_map() -> BaseMap:
     """A body without features, for targets that have no map."""

@@ -75,8 +75,11 @@ def simulated_camera(name: str) -> SimulatedCamera:
 
 
 def other_map(target: Target) -> BaseMap | None:
-    """A map of the target that is not the catalog's, from the folder of real data; None when there is none."""
+    """A map of the target that is not the catalog's, from the folder of real data, moved to agree with that on the
+    average; None when there is none."""
     folder = data_folder()
     entry = tomllib.loads(FILE.read_text())["other_map"].get(target.name)
     path = folder / entry["file"] if folder and entry else None
-    return read_map(path, entry["left_edge_deg"]) if path and path.is_file() else None
+    if not path or not path.is_file():
+        return None
+    return read_map(path, entry["left_edge_deg"]).moved(entry["moved_north_deg"], entry["moved_east_deg"])
