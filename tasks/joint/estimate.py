@@ -23,7 +23,7 @@ Source = Literal["spice", "label", "file"]
 # How far away the second start lies: pixels of the centre, of the limb, degrees.
 SECOND_START = (1.2, -0.9, 0.8, 0.3)
 # Sub-pixels per side while the solution is still on its way; then so many that the disk is this many across.
-COARSE, FINE_ACROSS, FINEST = 2, 900.0, 8
+COARSE, FINE_ACROSS, FINEST = 2, 800.0, 8
 EXACT = DistortionError()
 # It only has to show where it leads: at half of the pixels where so many are left across, and in so many steps.
 SECOND_DIAMETER_PX, SECOND_ITERATIONS = 140.0, 6
@@ -131,7 +131,7 @@ def coarse(settings: JointSettings) -> JointSettings:
 
 
 def fine_oversample(state: State, scene: Scene) -> int:
-    """Sub-pixels per side that keep the sampling of limb and markings from moving the solution (measured: 0.001 px)."""
+    """Sub-pixels per side that keep the sampling from moving the solution by more than 0.01 px (measured)."""
     across = 2 * disk_radius_px(state.pose, scene.camera, scene.target)
     return int(np.clip(np.ceil(FINE_ACROSS / max(across, 1.0)), COARSE, FINEST))
 

@@ -137,7 +137,10 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
                 continue
             filled = min(distance + 0.5, 1.0)
             cover[i, j] = filled
-            t = (-b - np.sqrt(max(inside, 0.0))) / q
+            if distance < 0.5:
+                # In the middle of the part that is filled: the limb's own emission would be met by no part of it.
+                inside = 0.5 * filled * slope * step
+            t = (-b - np.sqrt(inside)) / q
             sx, sy, sz = ox + t * dx, oy + t * dy, oz + t * dz
             length = 1 / np.sqrt(sx * sx + sy * sy + sz * sz)
             sx, sy, sz = sx * length, sy * length, sz * length
