@@ -12,7 +12,6 @@ from tasks.joint.tiles import GAINS, LOCAL, Tiles
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 ROUNDS = 2
-SEEN = 4.0
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,8 @@ class Fit:
     """values (n,): weights of the columns. normal (n, n): its inverse is their covariance, priors included, tiles
     eliminated. information (n, n): the image's part of it. gain (ny, nx): the tiles' factor less one. residual
     (ny, nx): image minus model. weight (ny, nx): inverse variance after down-weighting of outliers. cost: Huber's
-    function of the residuals and squares of all priors'. spread: (tiles, LOCAL) expected squares of the tiles'
-    unknowns; seen: (tiles,) whether the image says more of them than the prior.
+    function of the residuals and squares of all priors'. own, own_variance: (tiles, LOCAL) the tiles' unknowns
+    and their variances, priors included; told: (tiles,) inverse variance of the gain as the image alone tells it.
     """
 
     values: Array
@@ -46,8 +45,9 @@ class Fit:
     residual: Image
     weight: Image
     cost: float
-    spread: Array
-    seen: NDArray[np.bool_]
+    own: Array
+    own_variance: Array
+    told: Array
 
     @property
     def covariance(self) -> Array:
@@ -82,10 +82,10 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
         now = _robust(base, residual, problem.huber)
     cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
-    spread = own**2 + np.diagonal(np.linalg.inv(inner), axis1=1, axis2=2)
-    seen = np.diagonal(inner, axis1=1, axis2=2)[:, 0] > SEEN * problem.local_prior[:, 0]
+    own_variance = np.diagonal(np.linalg.inv(inner), axis1=1, axis2=2)
+    told = inner[:, 0, 0] - problem.local_prior[:, 0]
     gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost, spread, seen)
+    return Fit(values, information, whole, *gains, cost, own, own_variance, told)
 
 
 def scaled_inverse(matrix: Array) -> Array:

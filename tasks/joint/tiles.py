@@ -8,11 +8,15 @@ moves its edge.
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tasks.joint.settings import TileSettings
+
+if TYPE_CHECKING:
+    from tasks.joint.fit import Fit
 
 # Unknowns of a tile: gain and its two slopes, and light scattered into it.
 GAINS, LOCAL = 3, 4
@@ -21,6 +25,8 @@ FEWEST, SMALLEST = 8, 1e-3
 # Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
 HEAVY_TAIL = 3.0
 HELD = 1e-9
+# A tile counts when the image says so many times more of its gain than was believed beforehand.
+SEEN = 4.0
 
 
 @dataclass(frozen=True)
@@ -83,17 +89,26 @@ def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, layou
     return Tiles(label, count, sectors, layout, np.asarray(centre_px), radius_px, *places)
 
 
-def learned_prior(
-    spread: NDArray, seen: NDArray[np.bool_], sectors: int, settings: TileSettings
-) -> NDArray[np.float64]:
-    """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them, along the limb and inside
-    the disk apart (empirical Bayes, one step of expectation and maximisation); at most those of the settings."""
+def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSettings) -> NDArray[np.float64]:
+    """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them in a fit with those of
+    `before`, along the limb and inside the disk apart; at most those of the settings.
+
+    Their true variance by moments: an unknown that the image alone tells with an error of variance e is shrunk by
+    k = 1 - v/p (v its variance after, p before), so that the mean of its square is k^2 (variance + e), with k e = v.
+    Where all of it is noise the tiles are held: an image that fits needs none.
+    """
     largest = np.maximum(settings.sigmas, HELD)
-    limb = np.arange(len(seen)) < sectors
-    prior = np.empty((len(seen), LOCAL))
+    limb = np.arange(len(before)) < sectors
+    shrunk = np.clip(1 - fit.own_variance * before, 0.0, 1.0)
+    prior = np.empty_like(before)
     for part in (limb, ~limb):
-        known = spread[part & seen]
-        sigma = HEAVY_TAIL * np.sqrt(known.mean(axis=0)) if len(known) >= FEWEST else largest
+        known = part & (fit.told > SEEN / largest[0] ** 2)
+        sigma = largest
+        if known.sum() >= FEWEST:
+            noise = (shrunk[known] * fit.own_variance[known]).sum(axis=0)
+            surplus = (fit.own[known] ** 2).sum(axis=0) - noise
+            variance = np.maximum(surplus, 0) / np.maximum((shrunk[known] ** 2).sum(axis=0), 1e-9)
+            sigma = HEAVY_TAIL * np.sqrt(variance)
         prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
     return prior
 

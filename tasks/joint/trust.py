@@ -19,6 +19,7 @@ LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
 LEAST_EDGE_PX = 0.003
 FEWEST_PIXELS = 50
 BLOCK_PX = 8
+BISECTIONS = 10
 MEDIAN_CHI2 = 0.455  # of one degree of freedom
 # Share of the pixels near the limb, those with the steepest brightness, that tell how well places are known.
 STEEP_SHARE = 0.3
@@ -49,18 +50,17 @@ class Trust:
         inside = (model.coverage > 0.99) & data.usable & (model.mu0 > 2 * settings.terminator)
         relative = self.relative
         if inside.sum() > FEWEST_PIXELS:
-            size = np.maximum(bright[inside], 1e-6)
-            relative = _surplus(fit.residual[inside] / size, noise[inside] / size)
-        relative = float(np.clip(relative, LEAST_RELATIVE, MOST_RELATIVE))
+            relative = _surplus(fit.residual[inside], noise[inside], bright[inside], MOST_RELATIVE)
+        relative = max(relative, LEAST_RELATIVE)
         steep = _steepness(bright)
         limb = (model.tiles.label >= 0) & (model.tiles.label < model.tiles.sectors) & data.usable
         edge = self.edge_px
         if limb.sum() > FEWEST_PIXELS:
             limb &= steep > np.quantile(steep[limb], 1 - STEEP_SHARE)
-            known = np.hypot(noise[limb], relative * bright[limb]) / np.maximum(steep[limb], 1e-9)
-            edge = _surplus(fit.residual[limb] / np.maximum(steep[limb], 1e-9), known)
-        edge = float(np.clip(edge, min(LEAST_EDGE_PX, settings.edge_px), settings.edge_px))
-        tiles = learned_prior(fit.spread, fit.seen, model.tiles.sectors, settings.tiles)
+            known = np.hypot(noise[limb], relative * bright[limb])
+            edge = _surplus(fit.residual[limb], known, steep[limb], settings.edge_px)
+        edge = max(edge, min(LEAST_EDGE_PX, settings.edge_px))
+        tiles = learned_prior(fit, self.tiles, model.tiles.sectors, settings.tiles)
         disk = model.tiles.label >= 0
         sky = _excess(fit.residual, data.variance, ~disk & data.usable) * _shared(fit, ~disk)
         return Trust(relative, edge, _shared(fit, disk), sky, tiles)
@@ -101,7 +101,18 @@ def _steepness(bright: Image) -> Image:
     return np.hypot(gradient_x, gradient_y)
 
 
-def _surplus(residual: NDArray, known: NDArray) -> float:
-    """Robust spread of residuals beyond what is known, both of one unit."""
-    spread = 1.4826 * float(np.median(np.abs(residual)))
-    return float(np.sqrt(max(spread**2 - float(np.median(known)) ** 2, 0.0)))
+def _surplus(residual: NDArray, noise: NDArray, size: NDArray, most: float) -> float:
+    """Share (0 to `most`) of `size` by which residuals are off beyond their noise, 1-sigma, from their median."""
+
+    def excess(share: float) -> float:
+        return float(np.median(residual**2 / np.maximum(noise**2 + (share * size) ** 2, 1e-12))) - MEDIAN_CHI2
+
+    if excess(0.0) <= 0:
+        return 0.0
+    if excess(most) >= 0:
+        return most
+    low, high = 0.0, most
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
