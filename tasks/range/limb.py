@@ -22,12 +22,14 @@ Progress = Callable[[str, int, str], None]
 
 class LimbRangeSettings(BaseModel):
     """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their error.
-    limit: largest change of the range factor."""
+    limit: largest change of the range factor. across: sub-pixels of the simulated disk, at most; None leaves
+    them to the scene."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     stop_px: float = Field(0.02, gt=0)
     max_iterations: int = Field(12, ge=1, le=100)
     limit: float = Field(0.06, gt=0, lt=0.5)
+    across: float | None = Field(None, gt=0)
     edges: LimbSettings = LimbSettings()
 
 
@@ -41,7 +43,9 @@ def find_range_by_limb(
     camera, corrected = scene.camera, pose
     history: list[list[float]] = []
     for iteration in range(1, settings.max_iterations + 1):
-        edges = measure_limb(match_scene(observation, scene, corrected), settings.edges)
+        seen = scene if settings.across is None else scene.coarser(corrected, settings.across)
+        match = match_scene(observation, seen, corrected)
+        edges = measure_limb(match, settings.edges)
         centre = camera.project(corrected.target_in_camera_km)
         fit = fit_limb(edges, centre, solve_growth=True, min_points=settings.edges.min_points)
         corrected = pose_moved_by(corrected, camera, fit.offset_px).with_range_factor(1 / (1 + fit.growth))
