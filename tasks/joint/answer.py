@@ -21,6 +21,7 @@ from tasks.joint.estimate import (
     second_start,
     without_markings,
 )
+from tasks.joint.limb_led import led_by_limb
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution
@@ -55,10 +56,11 @@ def find_pose_jointly(
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
     estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion)
+    estimate, led = led_by_limb(observation, estimate, metadata, sigmas, scene, settings, progress)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
-    return as_correction(estimate, start, metadata, sigmas, away, scene)
+    return as_correction(estimate, start, metadata, sigmas, away, scene, led)
 
 
 def as_correction(
@@ -68,8 +70,9 @@ def as_correction(
     sigmas: Array,
     away_px: float | None,
     scene: Scene,
+    led: Told | None = None,
 ) -> Correction:
-    """The estimate in the words that all steps share."""
+    """The estimate in the words that all steps share. led: what is told where the limb leads."""
     step = difference(estimate.state, start, scene.camera)
     sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0))
     free, held = estimate.free, estimate.free.held
@@ -88,6 +91,7 @@ def as_correction(
         "turn_about_sight_assigned_to": "camera" if sigmas[ROLL] > sigmas[ATTITUDE.start] else "target",
         "range_factor_prior_sigma": float(sigmas[RANGE]) if np.isfinite(sigmas[RANGE]) else None,
         "second_start_px": away_px,
+        "led_by_limb": led,
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
     }
     if is_uniform(scene):

@@ -1,12 +1,13 @@
 """Solve with the range free, judge it, and bring in what the trajectory knows of the range."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.camera import Camera
 from catalog.observation import Observation
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
@@ -34,7 +35,7 @@ DISAGREEMENT_PX = 0.3
 class Estimate:
     """free: solution with the range free, at its own scale; shown: its covariance (8, 8) by its residuals. free_state,
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
-    these, all errors included."""
+    these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body."""
 
     free: Solution
     shown: Array
@@ -42,6 +43,7 @@ class Estimate:
     state: State
     free_covariance: Array
     covariance: Array
+    common: Array
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -77,33 +79,41 @@ def estimated(
     progress: Progress | None = None,
     distortion: DistortionError = EXACT,
 ) -> Estimate:
-    """Solve with the range free, then weigh it against its prior (one step of a Kalman filter)."""
+    """Solve with the range free, then weigh it against its prior."""
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
     first = Scale.of(observation, scene, start, settings.first_diameter_px)
     scale = Scale.of(observation, scene, start, settings.diameter_px)
     if first.n > scale.n:
-        start = first.up(_solved(first, start, metadata, coarse(settings), free_range, progress).state)
-    near = _solved(scale, start, metadata, coarse(settings), free_range, progress)
+        start = first.up(solved_at(first, start, metadata, coarse(settings), free_range, progress).state)
+    near = solved_at(scale, start, metadata, coarse(settings), free_range, progress)
     fine = settings.model_copy(update={"oversample": settings.oversample or fine_oversample(near.state, scale.scene)})
-    free = _solved(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
+    free = solved_at(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
     state = scale.up(free.state)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
     bending = None if distortion.bending is None else scale.planes_down(distortion.bending)
     shown = covariance(free.problem, free.fit)
-    errors = scale.covariance_up(shown + bent(free, bending))
-    errors += systematic(settings.systematic, radius, distortion.smooth_px) + of_the_body(scene.target, radius)
-    errors[free.held, :] = errors[:, free.held] = 0
-    prior = sigmas[RANGE]
-    if free.held[RANGE] or not np.isfinite(prior):
-        return Estimate(free, shown, state, state, errors, errors)
+    own = scale.covariance_up(shown) + systematic(settings.systematic, radius)
+    common = scale.covariance_up(bent(free, bending)) + of_the_body(scene.target, radius)
+    common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
+    for errors in (own, common):
+        errors[free.held, :] = errors[:, free.held] = 0
+    errors = own + common
+    return weighed(Estimate(free, shown, state, state, errors, errors, common), metadata, sigmas, scene.camera)
+
+
+def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:
+    """The estimate with the free range weighed against its prior (one step of a Kalman filter)."""
+    state, errors, prior = estimate.free_state, estimate.free_covariance, sigmas[RANGE]
+    if estimate.free.held[RANGE] or not np.isfinite(prior):
+        return replace(estimate, state=state, covariance=errors)
     gain = errors[:, RANGE] / (errors[RANGE, RANGE] + prior**2)
-    surplus = difference(state, metadata, scene.camera)[RANGE]
-    product = state.moved(-gain * surplus, scene.camera)
-    return Estimate(free, shown, state, product, errors, errors - np.outer(gain, errors[RANGE]))
+    surplus = difference(state, metadata, camera)[RANGE]
+    product = state.moved(-gain * surplus, camera)
+    return replace(estimate, state=product, covariance=errors - np.outer(gain, errors[RANGE]))
 
 
-def _solved(
+def solved_at(
     scale: Scale,
     start: State,
     metadata: State,
@@ -157,7 +167,7 @@ def second_start(
     across = min(settings.first_diameter_px, max(SECOND_DIAMETER_PX, radius))
     scale = Scale.of(observation, scene, start, across)
     quick = coarse(settings).model_copy(update={"max_iterations": SECOND_ITERATIONS})
-    other = _solved(scale, start.moved(step, scene.camera), metadata, quick, free_range)
+    other = solved_at(scale, start.moved(step, scene.camera), metadata, quick, free_range)
     if scale.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > DISAGREEMENT_PX / 2:
         return None
     apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
