@@ -23,7 +23,9 @@ GAINS, LOCAL = 3, 4
 # Fewer tiles say nothing of the others; no map is better than this.
 FEWEST, SMALLEST = 8, 1e-3
 # Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
-HEAVY_TAIL = 3.0
+HEAVY_TAIL = 4.0
+# A surplus of less than so many sigmas is chance.
+CHANCE = 2.0
 HELD = 1e-9
 # A tile counts when the image says so many times more of its gain than was believed beforehand.
 SEEN = 4.0
@@ -95,7 +97,7 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
 
     Their true variance by moments: an unknown that the image alone tells with an error of variance e is shrunk by
     k = 1 - v/p (v its variance after, p before), so that the mean of its square is k^2 (variance + e), with k e = v.
-    Where all of it is noise the tiles are held: an image that fits needs none.
+    Where no unknown shows more than chance the tiles are held: an image that fits needs none.
     """
     largest = np.maximum(settings.sigmas, HELD)
     limb = np.arange(len(before)) < sectors
@@ -105,9 +107,11 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
         known = part & (fit.told > SEEN / largest[0] ** 2)
         sigma = largest
         if known.sum() >= FEWEST:
-            noise = (shrunk[known] * fit.own_variance[known]).sum(axis=0)
-            surplus = (fit.own[known] ** 2).sum(axis=0) - noise
-            variance = np.maximum(surplus, 0) / np.maximum((shrunk[known] ** 2).sum(axis=0), 1e-9)
+            noise = shrunk[known] * fit.own_variance[known]
+            surplus = (fit.own[known] ** 2 - noise).sum(axis=0)
+            by_chance = CHANCE * np.sqrt(2 * (noise**2).sum(axis=0))
+            surplus = np.maximum(surplus, 0) * bool((surplus > by_chance).any())
+            variance = surplus / np.maximum((shrunk[known] ** 2).sum(axis=0), 1e-9)
             sigma = HEAVY_TAIL * np.sqrt(variance)
         prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
     return prior

@@ -14,7 +14,9 @@ from tasks.joint.tiles import first_prior, learned_prior
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-RELATIVE_ERROR = 0.02
+RELATIVE_ERROR, DUSK_ERROR = 0.02, 0.3
+# With tiles that differ by so much, 1-sigma, or more, nothing is believed at the terminator.
+DUSK_GAIN = 0.05
 LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
 LEAST_EDGE_PX = 0.003
 FEWEST_PIXELS = 50
@@ -27,12 +29,14 @@ STEEP_SHARE = 0.3
 
 @dataclass(frozen=True)
 class Trust:
-    """relative: error of the model's brightness, 1-sigma. edge_px: error of places in the image. shared: how many
+    """relative: error of the model's brightness, 1-sigma. dusk: the same at the terminator, where laws and relief are
+    trusted least. edge_px: error of places in the image. shared: how many
     neighbouring pixels of the disk err together. sky: the factor by which the sky's variance exceeds its noise's,
     pixels that err together included: scattered light and the like are in no model. tiles: (tiles, LOCAL) inverse
     variances of the tiles' unknowns."""
 
     relative: float
+    dusk: float
     edge_px: float
     shared: float
     sky: float
@@ -41,7 +45,7 @@ class Trust:
     @classmethod
     def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
         """Before anything is known."""
-        return cls(RELATIVE_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles))
+        return cls(RELATIVE_ERROR, DUSK_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles))
 
     def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
@@ -61,9 +65,10 @@ class Trust:
             edge = _surplus(fit.residual[limb], known, steep[limb], settings.edge_px)
         edge = max(edge, min(LEAST_EDGE_PX, settings.edge_px))
         tiles = learned_prior(fit, self.tiles, model.tiles.sectors, settings.tiles)
+        dusk = DUSK_ERROR * min(1.0, float(tiles[-1, 0]) ** -0.5 / DUSK_GAIN)
         disk = model.tiles.label >= 0
         sky = _excess(fit.residual, data.variance, ~disk & data.usable) * _shared(fit, ~disk)
-        return Trust(relative, edge, _shared(fit, disk), sky, tiles)
+        return Trust(relative, dusk, edge, _shared(fit, disk), sky, tiles)
 
     def weight(self, model: Model, data: Data, weights: Array, settings: JointSettings) -> Image:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
@@ -71,12 +76,17 @@ class Trust:
         bright = model.brightness(weights)
         variance = data.variance + (self.relative * bright) ** 2 + (self.edge_px * _steepness(bright)) ** 2
         if settings.terminator:
-            inside = (model.coverage > 0.99) & data.usable
-            typical = np.percentile(bright[inside], 50) if inside.any() else 1.0
-            doubt = 0.3 * np.exp(-model.mu0 / settings.terminator) * (model.coverage > 0.5)
-            variance = variance + (doubt * np.minimum(bright + 0.05 * typical, typical)) ** 2
+            variance = variance + (self.dusk * _at_dusk(model, data, bright, settings)) ** 2
         together = np.where(model.tiles.label >= 0, self.shared, self.sky)
         return np.where(data.usable, 1 / np.maximum(variance * together, 1e-12), 0).astype(np.float32)
+
+
+def _at_dusk(model: Model, data: Data, bright: Image, settings: JointSettings) -> Image:
+    """Brightness (ny, nx) that is not trusted: near the terminator, fading away from it."""
+    inside = (model.coverage > 0.99) & data.usable
+    typical = np.float32(np.percentile(bright[inside], 50) if inside.any() else 1.0)
+    near = np.exp(-model.mu0 / np.float32(settings.terminator)) * (model.coverage > 0.5)
+    return np.asarray(near * np.minimum(bright + 0.05 * typical, typical), np.float32)
 
 
 def _excess(residual: Image, variance: Image, where: NDArray[np.bool_]) -> float:
