@@ -45,7 +45,9 @@ class Trust:
     @classmethod
     def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
         """Before anything is known."""
-        return cls(RELATIVE_ERROR, DUSK_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles))
+        return cls(
+            RELATIVE_ERROR, DUSK_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles)
+        )
 
     def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
