@@ -52,6 +52,11 @@ class LimbEdges:
 def measure_limb(match: Match, settings: LimbSettings) -> LimbEdges:
     """Shift of the derivative's extremum between image and simulation on every segment across the lit limb."""
     model, _ = fit_brightness(match, match.simulation.bases)
+    return edges_between(match, model, settings)
+
+
+def edges_between(match: Match, model: Array, settings: LimbSettings) -> LimbEdges:
+    """The same against any picture of the simulation, `model` (ny, nx)."""
     segments = usable_segments(limb_segments(match.pose, match.scene), match, model, settings)
     seen, simulated = (
         edge_position(profiles(image, segments, match.origin, settings.half_px), segments, settings)
