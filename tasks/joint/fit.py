@@ -34,8 +34,8 @@ class Fit:
     """values (n,): weights of the columns. normal (n, n): its inverse is their covariance, priors included, tiles
     eliminated. information (n, n): the image's part of it. gain (ny, nx): the tiles' factor less one. residual
     (ny, nx): image minus model. weight (ny, nx): inverse variance after down-weighting of outliers. cost: Huber's
-    function of the residuals and squares of all priors'. own, own_variance: (tiles, LOCAL) the tiles' unknowns
-    and their variances, priors included; told: (tiles,) inverse variance of the gain as the image alone tells it.
+    function of the residuals and squares of all priors'. own: (tiles, LOCAL) the tiles' unknowns, own_covariance:
+    (tiles, LOCAL, LOCAL), priors included; told: (tiles,) inverse variance of the gain as the image alone tells it.
     """
 
     values: Array
@@ -46,7 +46,7 @@ class Fit:
     weight: Image
     cost: float
     own: Array
-    own_variance: Array
+    own_covariance: Array
     told: Array
 
     @property
@@ -82,10 +82,9 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
         now = _robust(base, residual, problem.huber)
     cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
-    own_variance = np.diagonal(np.linalg.inv(inner), axis1=1, axis2=2)
     told = inner[:, 0, 0] - problem.local_prior[:, 0]
     gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost, own, own_variance, told)
+    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), told)
 
 
 def scaled_inverse(matrix: Array) -> Array:

@@ -95,24 +95,27 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
     """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them in a fit with those of
     `before`, along the limb and inside the disk apart; at most those of the settings.
 
-    Their true variance by moments: an unknown that the image alone tells with an error of variance e is shrunk by
-    k = 1 - v/p (v its variance after, p before), so that the mean of its square is k^2 (variance + e), with k e = v.
-    Where no unknown shows more than chance the tiles are held: an image that fits needs none.
+    Their true variances by moments: with V their covariance after the fit and P their inverse variances before, the
+    image's errors reach them as V - V P V, and what they truly are shrunk by K = 1 - V P. Where none of them shows more
+    than chance they are held: an image that fits needs no tiles.
     """
+    from scipy.optimize import nnls
+
     largest = np.maximum(settings.sigmas, HELD)
     limb = np.arange(len(before)) < sectors
-    shrunk = np.clip(1 - fit.own_variance * before, 0.0, 1.0)
+    shrunk = np.eye(LOCAL) - fit.own_covariance * before[:, None, :]
+    by_noise = np.einsum("tij,tji->ti", shrunk, fit.own_covariance)
     prior = np.empty_like(before)
     for part in (limb, ~limb):
         known = part & (fit.told > SEEN / largest[0] ** 2)
         sigma = largest
         if known.sum() >= FEWEST:
-            noise = shrunk[known] * fit.own_variance[known]
-            surplus = (fit.own[known] ** 2 - noise).sum(axis=0)
-            by_chance = CHANCE * np.sqrt(2 * (noise**2).sum(axis=0))
-            surplus = np.maximum(surplus, 0) * bool((surplus > by_chance).any())
-            variance = surplus / np.maximum((shrunk[known] ** 2).sum(axis=0), 1e-9)
-            sigma = HEAVY_TAIL * np.sqrt(variance)
+            surplus = (fit.own[known] ** 2 - by_noise[known]).sum(axis=0)
+            by_chance = CHANCE * np.sqrt(2 * (by_noise[known] ** 2).sum(axis=0))
+            passed = (shrunk[known] ** 2).sum(axis=0)
+            scale = np.sqrt(np.maximum(np.diag(passed), 1e-300))
+            variance = nnls(passed / scale / scale[:, None], surplus / scale)[0] / scale
+            sigma = HEAVY_TAIL * np.sqrt(variance * bool((surplus > by_chance).any()))
         prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
     return prior
 
