@@ -34,8 +34,8 @@ TOLD = slice(0, 3)
 ROUNDS, STILL_PX = 4, 0.03
 # Lengths of limb over which segments may err together, degrees; the one that shows most of it counts.
 ARCS_DEG = (2, 4, 8, 12, 16, 20, 30)
-# 1-sigma of the edges themselves, px: what blur and law leave of them.
-EDGE_PX = 0.02
+# Whatever their scatter, by so much do edges err together along an arc of the largest length: blur, laws, markings.
+EDGE_PX = 0.05
 
 
 @dataclass(frozen=True)
@@ -113,10 +113,10 @@ def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
     residual = edges.across_px - design @ step
     weight = np.minimum(1.0, HUBER * found.residual_px / np.maximum(np.abs(residual), 1e-12))
     kept = weight * residual
-    together = shared_along(kept, np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360)
-    variance = float(kept @ kept) / max(len(kept) - 3, 1) * together
+    angle_deg = np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360
+    together = shared_along(kept, angle_deg)
+    variance = max(float(kept @ kept) / max(len(kept) - 3, 1) * together, EDGE_PX**2 * segments_per_arc(angle_deg))
     covariance = np.linalg.pinv((design * weight[:, None]).T @ design, hermitian=True) * variance
-    covariance += np.diag(np.square([EDGE_PX, EDGE_PX, EDGE_PX / np.sqrt(np.mean(rho**2))]))
     return LimbAsks(step, covariance, float(np.sqrt(np.mean(edges.shift_px**2))))
 
 
@@ -125,6 +125,12 @@ def shared_along(residual: Array, angle_deg: Array) -> float:
     squares = max(float(residual @ residual), 1e-300)
     sums = (np.bincount((angle_deg // arc).astype(np.int64), residual) for arc in ARCS_DEG)
     return max(1.0, *(float(s @ s) / squares for s in sums))
+
+
+def segments_per_arc(angle_deg: Array) -> float:
+    """How many segments the longest of the arcs holds, where there are any."""
+    counts = np.bincount((angle_deg // ARCS_DEG[-1]).astype(np.int64))
+    return float(counts[counts > 0].mean())
 
 
 def weighed_in(scale: Scale, estimate: Estimate, scene: Scene, progress: Progress | None) -> tuple[Estimate, float]:
