@@ -35,6 +35,8 @@ NEGLECTED = 0.03
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Tiles lie still while the disk moves under them by no more: the cost would jump where pixels change tiles.
 STALE_PX = 0.7
+# Trust is learned after so many steps, no more: trust and solution could alternate between two answers for ever.
+LEARNING = 4
 
 
 @dataclass(frozen=True)
@@ -114,7 +116,8 @@ def solve_joint(
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
         history.append(taken)
-        trust = trust.learned(model, data, weights, linear, settings)
+        if len(history) <= LEARNING:
+            trust = trust.learned(model, data, weights, linear, settings)
         fresh = tiles_at(model.state, scene, window, layout)
         if fresh.away_px(model.tiles) > STALE_PX:
             model = replace(model, tiles=fresh)
