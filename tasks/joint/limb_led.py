@@ -60,7 +60,9 @@ def led_by_limb(
     """The estimate, and None; or, where its limb is more than `settings.limb_led_px` off, one that the limb leads, and
     what is told of it. An estimate that holds centre or range stays."""
     limit = settings.limb_led_px
-    scale = Scale.of(observation, scene, estimate.state, settings.diameter_px)
+    # One law's error of brightness near the limb would move the rendered edges.
+    mixed = replace(scene, settings=scene.settings.model_copy(update={"photometry": "mixture"}))
+    scale = Scale.of(observation, mixed, estimate.state, settings.diameter_px)
     if limit is None or estimate.free.held[TOLD].any() or not is_suspect(estimate, scale, limit):
         return estimate, None
     try:
