@@ -116,6 +116,10 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
             scale = np.sqrt(np.maximum(np.diag(passed), 1e-300))
             variance = nnls(passed / scale / scale[:, None], surplus / scale)[0] / scale
             sigma = HEAVY_TAIL * np.sqrt(variance * bool((surplus > by_chance).any()))
+            # An even veil looks much like a gain, but gains that change across tiles cannot be the same in all; nor is
+            # there a preferred direction.
+            sigma[1:GAINS] = sigma[1:GAINS].max()
+            sigma[0] = sigma[:GAINS].max()
         prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
     return prior
 
