@@ -32,6 +32,8 @@ SKY_PX = 16.0
 # Centre and range: what the limb tells.
 TOLD = slice(0, 3)
 ROUNDS, STILL_PX = 4, 0.03
+# The quick look is at the solution with the range free, which may lie nearer than the product.
+QUICK_SHARE = 2 / 3
 # Lengths of limb over which segments may err together, degrees; the one that shows most of it counts.
 ARCS_DEG = (2, 4, 8, 12, 16, 20, 30)
 # Whatever their scatter, by so much do edges err together along an arc of the largest length: blur, laws, markings.
@@ -82,8 +84,8 @@ def led_by_limb(
 
 
 def is_suspect(estimate: Estimate, scale: Scale, limit_px: float) -> bool:
-    """Whether the solution's own picture has its limb that far off, without the tiles that may hide a misplaced limb: a
-    quick look that renders nothing."""
+    """Whether the solution's own picture has its limb nearly that far off, without the tiles that may hide it: a quick
+    look that renders nothing."""
     solution = estimate.free
     model, fit, problem = solution.model, solution.fit, solution.problem
     linear = slice(0, len(problem.columns) - len(NAMES))
@@ -92,7 +94,7 @@ def is_suspect(estimate: Estimate, scale: Scale, limit_px: float) -> bool:
     drawn = Simulation(model.window, model.oversample, psf, model.bases, model.bases, model.coverage, lit)
     edges = edges_between(Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene), picture, EDGES)
     enough = len(edges.shift_px) >= EDGES.min_points
-    return enough and bool(scale.n * np.sqrt(np.mean(edges.shift_px**2)) > limit_px)
+    return enough and bool(scale.n * np.sqrt(np.mean(edges.shift_px**2)) > QUICK_SHARE * limit_px)
 
 
 def asked(scale: Scale, state: State) -> LimbAsks:
