@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from real_bench import Bench
+from real_poses import orientation_of_f1636832, rough_pose_of_enceladus
 
 from catalog.basemap import map_of_target, read_map
 from catalog.camera import find_camera
@@ -47,6 +48,41 @@ def test_the_free_range_of_europa_by_galileo_is_the_trajectorys(europa: dict[str
 
 def test_the_free_range_of_pluto_by_lorri_is_the_trajectorys(bench: Bench) -> None:
     assert_meets_the_bars(bench.correct(bench.image("new_horizons/lor_0299140073_0x630_sci.fit")))
+
+
+def test_the_free_range_of_io_by_voyager_is_the_trajectorys(bench: Bench) -> None:
+    """Its map is not Io's of 1979, its sky is veiled on one side: the limb leads."""
+    pose_file = bench.write_json("io.json", {"camera_from_j2000": orientation_of_f1636832().tolist()})
+    kernels = (bench.data / "kernels",)
+    image = bench.image("voyager/f1636832.raw")
+    assert_meets_the_bars(bench.correct(image, store="joint", target="io", pose_file=pose_file, kernels=kernels))
+
+
+def test_enceladus_by_cassini_with_a_pose_by_eye_whole_and_half_masked(bench: Bench) -> None:
+    """Oriented by eye (a ridge and three craters of the map found in the picture, the rings' slope): the map, which
+    shows relief by shading, does not match, the limb does."""
+    camera, target = find_camera("cassini-nac"), find_target("enceladus")
+    image = bench.image("cassini/N1489034146_2.IMG")
+    by_eye = rough_pose_of_enceladus(camera, sun_tilt_deg=-7, longitude_deg=200, latitude_deg=-2, roll_deg=24)
+    result = bench.correct(image, store="joint", pose_file=bench.write_json("enceladus-by-eye.json", by_eye))
+    print(f"\n{result['product']}: centre {np.round(result['centre_px'], 2)}, limb {result['limb_rms_px']:.3f} px")
+    assert result["limb_rms_px"] <= LIMB_BAR_PX
+    assert result["status"] == "ok" or result["reason"].startswith("markings-do-not-match")
+    frame = read_frame(image)
+    seen = undistort(frame.observation, camera, UndistortSettings(), frame.undistorted).observation
+    before = xr.open_zarr(Path(result["cube"])).attrs["pose_before"]
+    predicted = Pose.from_dict(json.loads(before) if isinstance(before, str) else before)
+    masked = reduced_observation(half_masked(seen, result["centre_px"]), 2)
+    scene = reduced_scene(Scene(camera, target, map_of_target(target), MIXTURE), 2)
+    once = JointSettings(second_start=False)
+    found = find_pose_jointly(masked, Pose.from_dict(result["pose"]), predicted, "file", scene, once)
+    centre = 2 * scene.camera.project(found.pose.target_in_camera_km) + 0.5
+    sigma = np.hypot(result["uncertainty"]["centre_px"], 2 * np.array(found.uncertainty["offset_px"]))
+    range_sigma = np.hypot(found.uncertainty["range_factor"], result["uncertainty"]["range_factor"])
+    apart, nearer = centre - result["centre_px"], np.log(found.pose.range_km / Pose.from_dict(result["pose"]).range_km)
+    print(f"half masked, rebinned: {np.round(apart, 2)} px ({np.round(apart / sigma, 1)} sigma), range {nearer:+.5f}")
+    assert (np.abs(apart) < 3 * sigma).all()
+    assert abs(nearer) < 3 * range_sigma
 
 
 def half_masked(observation: Observation, centre_px: tuple[float, float]) -> Observation:
