@@ -26,10 +26,10 @@ Progress = Callable[[str, int, str], None]
 # Beyond these the linearisation is not trusted: px of the limb, degrees, logarithm of the PSF.
 LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4}
 # In the order of the unknowns: steps that need not be taken, and that may be left when none lowers the cost.
-STILL = np.array([2e-3, 2e-3, 1e-5, 2e-3, 2e-3, 2e-3, 2e-3, 5e-3])
+STILL = np.array([4e-3, 4e-3, 2e-5, 1e-2, 1e-2, 1e-2, 1e-2, 5e-3])
 LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
 # Steps of this share of their own error move nothing that matters.
-AT_REST = 0.2
+AT_REST = 0.3
 # Where no share of a step lowers the cost it is a minimum, as far as the sampling can tell, unless the step is huge.
 NEGLECTED = 0.03
 SHARES = (1.0, 0.3, 0.1, 0.03)
