@@ -35,8 +35,8 @@ class SystematicSettings(BaseModel):
     Measured on simulated images whose surface is not the estimator's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    centre_px: float = Field(0.03, ge=0)
-    limb_px: float = Field(0.06, ge=0)
+    centre_px: float = Field(0.02, ge=0)
+    limb_px: float = Field(0.03, ge=0)
     attitude_deg: float = Field(0.15, ge=0)
     roll_deg: float = Field(0.3, ge=0)
     distortion_share: float = Field(0.4, ge=0)
