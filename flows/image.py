@@ -164,8 +164,8 @@ def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict
     inputs = scene | {"pose": pose_inputs(chain, latest), "settings": settings}
     places = basemap | {"pose": chain.folder(latest)}
     if correction == "joint":
-        # Its priors are about the predicted pose, and depend on where that comes from.
-        inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_source": chain.records["pose"].result["source"]}
+        # Its priors are about the predicted pose, and depend on where its parts come from.
+        inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_sources": chain.records["pose"].result["sources"]}
         places |= {"predicted": chain.folder("pose")}
     chain.do(name, f"tasks.{correction}.step", inputs, places)
     return name

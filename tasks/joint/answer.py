@@ -1,5 +1,6 @@
 """The joint step's answer: the estimate as a correction, with what is told of it and why it is doubted."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from tasks.joint.estimate import (
 )
 from tasks.joint.limb_led import led_by_limb
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
-from tasks.joint.settings import JointSettings, PriorSettings
+from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import DistortionError, untold_directions
 from tasks.simulate import Scene
@@ -37,7 +38,7 @@ def find_pose_jointly(
     observation: Observation,
     pose: Pose,
     predicted: Pose,
-    source: Source,
+    source: Source | Mapping[str, str],
     scene: Scene,
     settings: JointSettings,
     progress: Progress | None = None,
@@ -45,12 +46,13 @@ def find_pose_jointly(
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
-    pose: where to start. predicted: what the metadata say, from `source`; the priors are about it. changed and
+    pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
+    or where each part of it is (keys of `Pose`). changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
     pixels are usable.
     """
-    priors: PriorSettings = getattr(settings.priors, source)
+    priors = getattr(settings.priors, source) if isinstance(source, str) else settings.priors.of(source)
     metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
     if is_uniform(scene):
         settings = without_markings(settings)

@@ -1,5 +1,6 @@
 """Settings of the joint estimator."""
 
+from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -26,6 +27,20 @@ class SourcePriors(BaseModel):
     spice: PriorSettings = PriorSettings()
     label: PriorSettings = PriorSettings(range_relative=5e-4)
     file: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
+
+    def of(self, sources: Mapping[str, str]) -> PriorSettings:
+        """Each prior by where its part of the pose comes from (keys of `Pose`; the catalog's rotation models are those
+        of kernels)."""
+        camera, position, body = (
+            getattr(self, sources[part].replace("catalog", "spice"))
+            for part in ("camera_from_j2000", "target_from_spacecraft_km", "body_from_j2000")
+        )
+        return PriorSettings(
+            range_relative=position.range_relative,
+            roll_deg=camera.roll_deg,
+            attitude_deg=body.attitude_deg,
+            psf_relative=camera.psf_relative,
+        )
 
 
 class SystematicSettings(BaseModel):

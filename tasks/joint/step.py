@@ -19,10 +19,10 @@ def run(work: Work) -> dict[str, Any]:
     settings = JointSettings.model_validate(work.inputs["settings"])
     observation = load_observation(work.place("undistort"))
     start, predicted = pose_in(work.place("pose")), pose_in(work.place("predicted"))
-    scene, source = scene_of(work), work.inputs["pose_source"]
+    scene, sources = scene_of(work), work.inputs["pose_sources"]
     distortion = distortion_near(work, scene, start)
     return plain_correction(
-        find_pose_jointly(observation, start, predicted, source, scene, settings, work.progress, distortion)
+        find_pose_jointly(observation, start, predicted, sources, scene, settings, work.progress, distortion)
     )
 
 
