@@ -51,7 +51,7 @@ class SystematicSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     centre_px: float = Field(0.02, ge=0)
-    limb_px: float = Field(0.03, ge=0)
+    limb_px: float = Field(0.05, ge=0)
     attitude_deg: float = Field(0.15, ge=0)
     roll_deg: float = Field(0.3, ge=0)
     distortion_share: float = Field(0.4, ge=0)

@@ -16,13 +16,15 @@ from tasks.joint.solve import Solution
 Array = NDArray[np.float64]
 MOVING = len(NAMES)
 SKY_TILE_PX = 16
+# What a map gets wrong reaches over so many tiles.
+NEIGHBOURS = 4
 # How many parts of the lit limb rise and fall on their own, for relief coherent over some 20 degrees.
 INDEPENDENT_LIMBS = 9
 
 
 def covariance(problem: Problem, fit: Fit) -> Array:
-    """Covariance (8, 8) of the unknowns when the residuals of one tile may all err together (cluster-robust sandwich;
-    White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
+    """Covariance (8, 8) of the unknowns when the residuals of neighbouring tiles may all err together (cluster-robust
+    sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
     scores = _scores(problem, fit)
     count, size = len(scores), len(fit.values)
@@ -35,12 +37,13 @@ def covariance(problem: Problem, fit: Fit) -> Array:
 
 
 def _scores(problem: Problem, fit: Fit) -> Array:
-    """Each cluster's pull on the unknowns (clusters, n): tiles of the disk, squares of the sky."""
+    """Each cluster's pull on the unknowns (clusters, n): groups of tiles of the disk, squares of the sky."""
     ny, nx = problem.image.shape
     pull = (fit.weight * fit.residual).ravel()
     y, x = np.indices((ny, nx)) // SKY_TILE_PX
     sky = problem.tiles.count + y * (nx // SKY_TILE_PX + 1) + x
-    label = np.where(problem.tiles.label >= 0, problem.tiles.label, sky).ravel()
+    near = problem.tiles.neighbourhoods(NEIGHBOURS)
+    label = np.where(near >= 0, near, sky).ravel()
     order = np.argsort(label, kind="stable")
     starts = np.flatnonzero(np.diff(label[order], prepend=-1))
     scores = [np.add.reduceat((pull * column.ravel())[order].astype(np.float64), starts) for column in problem.columns]
