@@ -36,8 +36,8 @@ SEEN = 4.0
 
 @dataclass(frozen=True)
 class Tiles:
-    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of them along the
-    limb, as many in a second ring inside it, cut by `layout` about a disk of centre_px (2,) and radius_px; along,
+    """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of them along
+    the limb, as many in a second ring inside it, cut by `layout` about a disk of centre_px (2,) and radius_px; along,
     across: (ny, nx) place within the tile, about -1 to 1."""
 
     label: NDArray[np.int32]
@@ -65,8 +65,8 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a disk of about one radius is cut: the tiles' side, how far the first ring reaches inside and outside the limb,
-    the second's width, pixels, and how many sectors and squares (per side). Kept while the disk moves and grows, so
+    """How a disk of about one radius is cut: the tiles' side, how far the first ring reaches inside and outside the
+    limb, the second's width, pixels, and how many sectors and squares (per side). Kept while the disk moves and grows, so
     that tiles stay comparable."""
 
     side_px: float
