@@ -59,9 +59,9 @@ class SystematicSettings(BaseModel):
 
 class TileSettings(BaseModel):
     """Tiles with a gain of their own. side_px, side_share: length of a side, pixels, and at least this share of the
-    disk's radius. limb_px, limb_share: the same of the depth of the first ring of sectors along the limb. gain, slope: what
-    a tile's factor and its change over half a tile are believed to be off by, 1-sigma; veil: the same of light
-    scattered into it, as a share of the disk's brightness. 0 holds them."""
+    disk's radius. limb_px, limb_share: the same of the depth of the first ring of sectors along the limb. gain,
+    slope: what a tile's factor and its change over half a tile are believed to be off by, 1-sigma; veil: the same of
+    light scattered into it, as a share of the disk's brightness. 0 holds them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     side_px: float = Field(12.0, gt=0)

@@ -66,8 +66,8 @@ class Tiles:
 @dataclass(frozen=True)
 class Layout:
     """How a disk of about one radius is cut: the tiles' side, how far the first ring reaches inside and outside the
-    limb, the second's width, pixels, and how many sectors and squares (per side). Kept while the disk moves and grows, so
-    that tiles stay comparable."""
+    limb, the second's width, pixels, and how many sectors and squares (per side). Kept while the disk moves and grows,
+    so that tiles stay comparable."""
 
     side_px: float
     inner_px: float
