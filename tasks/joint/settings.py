@@ -59,7 +59,7 @@ class SystematicSettings(BaseModel):
 
 class TileSettings(BaseModel):
     """Tiles with a gain of their own. side_px, side_share: length of a side, pixels, and at least this share of the
-    disk's radius. limb_px, limb_share: the same of the depth of the first ring of sectors along the limb. gain,
+    disk's radius. limb_px, limb_share: the same of the depth of the ring of sectors along the limb. gain,
     slope: what a tile's factor and its change over half a tile are believed to be off by, 1-sigma; veil: the same of
     light scattered into it, as a share of the disk's brightness. 0 holds them."""
 

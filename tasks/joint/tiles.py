@@ -20,9 +20,6 @@ if TYPE_CHECKING:
 
 # Unknowns of a tile: gain and its two slopes, and light scattered into it.
 GAINS, LOCAL = 3, 4
-# Rings of sectors along the limb, where laws and the foreshortened map change fastest; the second is so many times as
-# deep as the first.
-RINGS, SECOND = 2, 2.0
 # Fewer tiles say nothing of the others; no map is better than this.
 FEWEST, SMALLEST = 8, 1e-3
 # Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
@@ -37,8 +34,8 @@ SEEN = 4.0
 @dataclass(frozen=True)
 class Tiles:
     """label: (ny, nx) number of each pixel's tile, -1 outside all; count of tiles, the first `sectors` of them along
-    the limb, as many in a second ring inside it, cut by `layout` about a disk of centre_px (2,) and radius_px; along,
-    across: (ny, nx) place within the tile, about -1 to 1."""
+    the limb, cut by `layout` about a disk of centre_px (2,) and radius_px; along, across: (ny, nx) place within the
+    tile, about -1 to 1."""
 
     label: NDArray[np.int32]
     count: int
@@ -50,12 +47,12 @@ class Tiles:
     across: NDArray[np.float32]
 
     def neighbourhoods(self, size: int) -> NDArray[np.int32]:
-        """Number (ny, nx) of the group of `size` sectors (both rings) or `size` x `size` squares that a pixel is in, -1
-        outside all."""
+        """Number (ny, nx) of the group of `size` sectors or `size` x `size` squares that a pixel is in, -1 outside
+        all."""
         sectors, squares = self.sectors, self.layout.squares
-        square = np.maximum(self.label - RINGS * sectors, 0)
+        square = np.maximum(self.label - sectors, 0)
         group = sectors + square // squares // size * squares + square % squares // size
-        inside = np.where(self.label < RINGS * sectors, self.label % sectors // size, group)
+        inside = np.where(self.label < sectors, self.label // size, group)
         return np.where(self.label < 0, -1, inside).astype(np.int32)
 
     def away_px(self, other: "Tiles") -> float:
@@ -65,30 +62,28 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Layout:
-    """How a disk of about one radius is cut: the tiles' side, how far the first ring reaches inside and outside the
-    limb, the second's width, pixels, and how many sectors and squares (per side). Kept while the disk moves and grows,
-    so that tiles stay comparable."""
+    """How a disk of about one radius is cut: the tiles' side, the ring's inner and outer half-width, pixels, and how
+    many sectors and squares (per side). Kept while the disk moves and grows, so that tiles stay comparable."""
 
     side_px: float
     inner_px: float
     outer_px: float
-    second_px: float
     sectors: int
     squares: int
 
 
 def layout_for(radius_px: float, settings: TileSettings) -> Layout:
-    """Squares inside the disk, sectors of two rings along the limb (see `TileSettings`)."""
+    """Squares inside the disk, sectors of a ring along the limb (see `TileSettings`)."""
     side = max(settings.side_px, settings.side_share * radius_px)
     inner = max(settings.limb_px, settings.limb_share * radius_px)
     sectors = max(round(2 * np.pi * radius_px / side), 8)
-    return Layout(side, inner, settings.limb_px, SECOND * inner, sectors, int(np.ceil(2 * radius_px / side)) + 1)
+    return Layout(side, inner, settings.limb_px, sectors, int(np.ceil(2 * radius_px / side)) + 1)
 
 
 def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, layout: Layout) -> Tiles:
     """The tiles (ny, nx) of a disk."""
     side, sectors, squares = layout.side_px, layout.sectors, layout.squares
-    edges = (radius_px - layout.inner_px - layout.second_px, radius_px - layout.inner_px, radius_px + layout.outer_px)
+    inner, outer = radius_px - layout.inner_px, radius_px + layout.outer_px
     y, x = np.indices(shape, dtype=np.float32)
     x -= np.float32(centre_px[0])
     y -= np.float32(centre_px[1])
@@ -96,21 +91,18 @@ def tiles_of(shape: tuple[int, int], centre_px: NDArray, radius_px: float, layou
     turn = np.arctan2(y, x) / (2 * np.pi) + 0.5
     sector = np.minimum((turn * sectors).astype(np.int32), sectors - 1)
     column, row = (np.clip(np.floor((v + radius_px) / side), 0, squares - 1).astype(np.int32) for v in (x, y))
-    label = np.where(r < edges[2], RINGS * sectors + row * squares + column, -1).astype(np.int32)
-    along, across = (2 * ((v + radius_px) / side - place) - 1 for v, place in ((x, column), (y, row)))
-    for number, (low, high) in enumerate(((edges[1], edges[2]), (edges[0], edges[1]))):
-        ring = (r >= low) & (r < high)
-        middle, half = (low + min(high, radius_px)) / 2, max((min(high, radius_px) - low) / 2, 1.0)
-        label[ring] = number * sectors + sector[ring]
-        along[ring] = 2 * (turn[ring] * sectors - sector[ring]) - 1
-        across[ring] = np.clip((r[ring] - middle) / half, -1.5, 1.5)
-    count, places = RINGS * sectors + squares**2, (along.astype(np.float32), across.astype(np.float32))
+    ring = (r >= inner) & (r < outer)
+    label = np.where(ring, sector, np.where(r < inner, sectors + row * squares + column, -1)).astype(np.int32)
+    along = np.where(ring, 2 * (turn * sectors - sector) - 1, 2 * ((x + radius_px) / side - column) - 1)
+    middle, half = (inner + radius_px) / 2, max(layout.inner_px / 2, 1.0)
+    across = np.where(ring, np.clip((r - middle) / half, -1.5, 1.5), 2 * ((y + radius_px) / side - row) - 1)
+    count, places = sectors + squares**2, (along.astype(np.float32), across.astype(np.float32))
     return Tiles(label, count, sectors, layout, np.asarray(centre_px), radius_px, *places)
 
 
 def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSettings) -> NDArray[np.float64]:
     """Inverse variances (tiles, LOCAL) of the tiles' unknowns as the image itself shows them in a fit with those of
-    `before`, of each ring and of the squares apart; at most those of the settings.
+    `before`, along the limb and inside the disk apart; at most those of the settings.
 
     Their true variances by moments: with V their covariance after the fit and P their inverse variances before, the
     image's errors reach them as V - V P V, and what they truly are shrunk by K = 1 - V P. Where none of them shows more
@@ -119,12 +111,11 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
     from scipy.optimize import nnls
 
     largest = np.maximum(settings.sigmas, HELD)
-    part_of = np.minimum(np.arange(len(before)) // sectors, RINGS)
+    limb = np.arange(len(before)) < sectors
     shrunk = np.eye(LOCAL) - fit.own_covariance * before[:, None, :]
     by_noise = np.einsum("tij,tji->ti", shrunk, fit.own_covariance)
     prior = np.empty_like(before)
-    for number in range(RINGS + 1):
-        part = part_of == number
+    for part in (limb, ~limb):
         known = part & (fit.told > SEEN / largest[0] ** 2)
         sigma = largest
         if known.sum() >= FEWEST:
