@@ -50,7 +50,7 @@ class SystematicSettings(BaseModel):
     Measured on simulated images whose surface is not the estimator's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    centre_px: float = Field(0.02, ge=0)
+    centre_px: float = Field(0.015, ge=0)
     limb_px: float = Field(0.05, ge=0)
     attitude_deg: float = Field(0.15, ge=0)
     roll_deg: float = Field(0.3, ge=0)
