@@ -25,6 +25,16 @@ def test_radius_and_relief_of_the_body_are_errors_of_range_and_centre() -> None:
     assert not of_the_body(unknown, 100.0).any()
 
 
+def test_an_orientation_from_a_file_leaves_the_kernels_range_as_sure_as_it_is() -> None:
+    priors = ONCE.priors
+    sources = {"camera_from_j2000": "file", "target_from_spacecraft_km": "spice", "body_from_j2000": "catalog"}
+    chosen = priors.of(sources)
+    assert chosen.range_relative == priors.spice.range_relative < priors.file.range_relative
+    assert chosen.attitude_deg == priors.spice.attitude_deg < priors.file.attitude_deg
+    assert chosen.roll_deg == priors.file.roll_deg
+    assert priors.of(dict.fromkeys(sources, "label")) == priors.label
+
+
 def test_a_disk_solved_at_half_the_resolution_is_found_and_told_in_the_image_s_pixels() -> None:
     camera = small_camera(120.0, (176, 176)).model_copy(update={"centre_px": (87.5, 87.5)})
     scene, truth = scene_of(camera), true_pose(camera)
