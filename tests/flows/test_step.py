@@ -140,7 +140,7 @@ def start_slow_step(cache: Path, started: Path, seconds: float) -> subprocess.Po
         stdout=subprocess.PIPE,
         text=True,
     )
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 60
     while not started.exists():
         assert process.poll() is None
         assert time.monotonic() < deadline
