@@ -23,10 +23,11 @@ def server_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("PLANETPOSE_SERVER_IDLE_MINUTES", "3")
         patch.delenv("PREFECT_API_URL", raising=False)
         patch.delenv("PREFECT_HOME", raising=False)
-        from flows.server import server_files, stop_server
+        from flows.server import in_use, server_files, stop_server
 
-        yield state
-        if not under_xdist:  # another worker may still use it; it stops by itself
+        with in_use(server_files()):  # or it goes to sleep while this process is busy with other tests
+            yield state
+        if not under_xdist:  # another worker may still use it; it stops by itself soon after
             stop_server(server_files())
 
 

@@ -41,7 +41,7 @@ def told() -> Iterator[tuple[str, SimpleQueue[Any]]]:
     server.server_close()
 
 
-# In a process of its own: the server that tests share may have gone to sleep, and Prefect remembers where it was.
+# In a process of its own: Prefect remembers where the server was that another test of this process used.
 TELLS = """
 import sys, time
 from importlib.util import module_from_spec, spec_from_file_location
