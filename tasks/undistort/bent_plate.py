@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tasks.undistort.bending import USUAL_PX_PER_DN, USUAL_SPREAD_PX_PER_DN, BendingField
 from tasks.undistort.mark_set import FitReport, MarkSet
-from tasks.undistort.model import Points, solve_points
+from tasks.undistort.model import PointMap, Points, solve_points
 from tasks.undistort.smooth_model import SmoothModel
 from tasks.undistort.smooth_surface import SMOOTHING, SmoothSurface
 from tasks.undistort.thin_plate import DEFAULT_DEGREE, plate_of_surface
@@ -21,13 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BentModel:
-    """undistorted = smooth(raw) + px_per_dn * field(raw). spread: the 1-sigma of px_per_dn."""
+    """undistorted = smooth(raw) + px_per_dn * field(raw). spread: the 1-sigma of px_per_dn. absorbed: raw points (n, 2)
+    to how much of the field there (n, 2) the smooth part takes up when it is fitted to the marks again."""
 
     smooth_part: SmoothModel
     field: BendingField
     px_per_dn: float
     spread: float
     report: FitReport
+    absorbed: PointMap
     name: str = "beam-bending"
 
     smooth = False
@@ -62,10 +64,10 @@ class BentModel:
         return self.smooth_part.extrapolated(xy)
 
     def uncertainty_px(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """Expected 1-sigma error (...,) of one coordinate: the thin plate's, and the spread of the bending."""
+        """Expected 1-sigma error (...,) of one coordinate: the smooth part's, and the spread of the bending."""
         points = np.asarray(xy, dtype=np.float64)
-        pull = self.field(self.smooth_part.distort_points(points).reshape(-1, 2)).reshape(points.shape)
-        length = np.linalg.norm(pull, axis=-1) / np.sqrt(2.0)
+        raw = self.smooth_part.distort_points(points).reshape(-1, 2)
+        length = np.linalg.norm(self.field(raw) - self.absorbed(raw), axis=-1).reshape(points.shape[:-1]) / np.sqrt(2.0)
         return np.hypot(self.smooth_part.uncertainty_px(points), self.spread * length)
 
 
@@ -83,7 +85,8 @@ def fit_bent_plate(
         marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
     )
     plate = plate_of_surface(marks, surface, degree)
-    return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"))
+    absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), marks.sigma_px, marks.raw_size_px, degree, smoothing)
+    return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"), absorbed)
 
 
 def coefficient_of_frame(
@@ -98,8 +101,9 @@ def coefficient_of_frame(
 
 
 def coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
-    """Least squares of errors = k pulls with Huber's weights, and the error of k: from the scatter of all, or from
-    that of the few that say most (White 1980, Econometrica 48, 817), whichever is larger."""
+    """Least squares of errors = k pulls with Huber's weights, both in stated sigmas, and the error of k: from the
+    scatter of all, from that of the few that say most (White 1980, Econometrica 48, 817), or from the stated sigmas,
+    whichever is largest: often one mark beside the limb says nearly all, and need not be as good as the others are."""
     weight, k = np.ones_like(errors), 0.0
     for _ in range(ROBUST_STEPS):
         norm = float((weight * pulls * pulls).sum())
@@ -109,7 +113,7 @@ def coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
         rest = errors - k * pulls
         limit = ROBUST_LIMIT * 1.4826 * float(np.median(np.abs(rest)))
         weight = limit / np.maximum(np.abs(rest), max(limit, 1e-12))
-    alike = float(np.average(rest**2, weights=weight)) / norm
+    alike = max(float(np.average(rest**2, weights=weight)), 1.0) / norm
     apart = float(((weight * pulls * rest) ** 2).sum()) / norm**2
     return k, float(np.sqrt(max(alike, apart)))
 

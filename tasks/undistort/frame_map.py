@@ -1,5 +1,6 @@
 """Maps of a whole frame: where each undistorted pixel lies in the raw one, and how sure that is."""
 
+from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
@@ -38,28 +39,30 @@ def raw_places(model: DistortionModel) -> tuple[Plane, Plane, NDArray[np.bool_]]
 def uncertainty_plane(model: DistortionModel) -> Plane:
     """Expected 1-sigma error of one coordinate, float32 (ny, nx), undistorted pixels, at each undistorted pixel: what
     the distortion adds to the error of a place. Interpolated from a coarse grid; remembered for the last few models."""
-    import cv2
-
-    columns, rows = model.size_px
-    x, y = (np.linspace(0, n - 1, max(n // UNCERTAINTY_STEP_PX + 1, 4)) for n in (columns, rows))
-    coarse = model.uncertainty_px(_grid(x, y)).astype(np.float32)
-    at_x = np.arange(columns, dtype=np.float32) * np.float32((len(x) - 1) / (columns - 1))
-    at_y = np.arange(rows, dtype=np.float32) * np.float32((len(y) - 1) / (rows - 1))
-    map_x, map_y = np.meshgrid(at_x, at_y)
-    return np.asarray(cv2.remap(coarse, map_x, map_y, cv2.INTER_LINEAR), dtype=np.float32)
+    return _from_coarse(model.uncertainty_px, model.size_px, UNCERTAINTY_STEP_PX)
 
 
 def bending_error_planes(model: DistortionModel) -> Plane | None:
     """Displacement (2, ny, nx), x and y in undistorted pixels, of each undistorted pixel if the beam is bent by 1-sigma
-    more than the model has it; None where the model knows no bending, or no error of it."""
+    more than the model has it, and its smooth part fitted to the marks again; None where the model knows no bending, or
+    no error of it."""
     import cv2
 
     if not isinstance(model, BentModel) or not model.spread:
         return None
     at_x, at_y, _ = raw_places(model)
-    planes = model.field.planes() * np.float32(model.spread)
-    moved = [cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in planes]
-    return np.stack(moved)
+    moved = [
+        cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        for plane in model.field.planes()
+    ]
+
+    def absorbed(xy: Array) -> Array:
+        x, y = (np.rint(xy[..., axis]).astype(int) for axis in range(2))
+        raw = np.stack([at_x[y, x], at_y[y, x]], axis=-1).astype(np.float64)
+        return model.absorbed(raw.reshape(-1, 2)).reshape(xy.shape)
+
+    taken_up = np.moveaxis(_from_coarse(absorbed, model.size_px, COARSE_STEP_PX), -1, 0)
+    return np.asarray((np.stack(moved) - taken_up) * np.float32(model.spread))
 
 
 def undistorted_places(model: DistortionModel) -> Array:
@@ -69,6 +72,19 @@ def undistorted_places(model: DistortionModel) -> Array:
     grid = _grid(np.arange(columns), np.arange(rows))
     blocks = np.array_split(grid, max(1, rows // BLOCK_ROWS))
     return np.concatenate([model.undistort_points(block) for block in blocks])
+
+
+def _from_coarse(function: Callable[[Array], Array], size_px: tuple[int, int], step_px: int) -> Plane:
+    """A smooth function of undistorted pixels (..., 2), float32 (ny, nx) or (ny, nx, k), asked on a coarse grid."""
+    import cv2
+
+    columns, rows = size_px
+    x, y = (np.linspace(0, n - 1, max(n // step_px + 1, 4)) for n in (columns, rows))
+    coarse = function(_grid(x, y)).astype(np.float32)
+    at_x = np.arange(columns, dtype=np.float32) * np.float32((len(x) - 1) / (columns - 1))
+    at_y = np.arange(rows, dtype=np.float32) * np.float32((len(y) - 1) / (rows - 1))
+    map_x, map_y = np.meshgrid(at_x, at_y)
+    return np.asarray(cv2.remap(coarse, map_x, map_y, cv2.INTER_LINEAR), dtype=np.float32)
 
 
 def _places(model: DistortionModel) -> Array:

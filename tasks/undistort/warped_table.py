@@ -100,4 +100,5 @@ def _warp(marks: MarkSet, table: _Table, field: BendingField, degree: int, smoot
         return np.hypot(scale * warp.sigma_at(raw), BETWEEN * table.forward.sigma_at(raw))
 
     model = SmoothModel("warped-table", marks, forward, sigma_px, report, degree)
-    return BentModel(model, field, k, spread, report, "warped-table")
+    absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), sigma, size_px, degree, smoothing)
+    return BentModel(model, field, k, spread, report, absorbed, "warped-table")
