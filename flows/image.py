@@ -24,6 +24,7 @@ from flows.request import (
 from flows.result import result_of
 from flows.settling import settled
 from flows.verdict import believe, explained
+from tasks.correction import IMAGE_MOVED
 
 STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
 
@@ -35,7 +36,7 @@ def correct_image(chain: Chain) -> None:
     undistort(chain, frame)
     scene, basemap = scene_inputs(chain, frame, predicted)
     try:
-        latest = correct_pose(chain, scene, basemap)
+        latest, scene, basemap = correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
         raise explained(error, predicted["pose"]) from error
     publish(chain, latest, scene, basemap)
@@ -43,16 +44,22 @@ def correct_image(chain: Chain) -> None:
         upload(chain, chain.request.publish_to)
 
 
-def correct_pose(chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]) -> str:
-    """All passes and the verdict; returns the name of the step that ended with the corrected pose."""
+def correct_pose(
+    chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]
+) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """All passes and the verdict; returns the name of the step that ended with the corrected pose, and `scene` and
+    `basemap` with the image that belongs to it."""
     latest = start(chain, scene) if is_started_elsewhere(chain.request) else "pose"
     for number in range(1, chain.request.profile.passes + 1):
         for correction in chain.request.profile.corrections(number):
             latest = correct(chain, correction, number, latest, scene, basemap)
+            if IMAGE_MOVED in chain.records[latest].result:
+                scene = scene | {"observation": chain.key(latest)}
+                basemap = basemap | {"undistort": chain.folder(latest)}
         if number > 1 and settled(chain, number):
             break
     believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
-    return latest
+    return latest, scene, basemap
 
 
 def ingest(chain: Chain) -> dict[str, Any]:

@@ -5,6 +5,9 @@ from typing import Any
 
 from catalog.pose import Pose
 
+# In the result of a step that also leaves a better image, which belongs to its pose, in its folder.
+IMAGE_MOVED = "image_moved"
+
 
 @dataclass(frozen=True)
 class Correction:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.correction import Correction
+from tasks.joint.bending import Bending, DistortionError, displacement_of
 from tasks.joint.estimate import (
     DISAGREEMENT_PX,
     EXACT,
@@ -26,9 +27,10 @@ from tasks.joint.limb_led import led_by_limb
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
-from tasks.joint.uncertainty import DistortionError, untold_directions
+from tasks.joint.uncertainty import untold_directions
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
+from tasks.undistort.resample import displaced
 
 Told = dict[str, Any]
 CONFLICT_SIGMAS = 5.0
@@ -58,7 +60,10 @@ def find_pose_jointly(
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
     estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion)
-    estimate, led = led_by_limb(observation, estimate, metadata, sigmas, scene, settings, progress)
+    unbent = observation
+    if distortion.bending is not None and estimate.bending and estimate.bending.strength:
+        unbent = displaced(observation, displacement_of(estimate.bending.strength, distortion.bending))
+    estimate, led = led_by_limb(unbent, estimate, metadata, sigmas, scene, settings, progress)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
@@ -94,6 +99,7 @@ def as_correction(
         "range_factor_prior_sigma": float(sigmas[RANGE]) if np.isfinite(sigmas[RANGE]) else None,
         "second_start_px": away_px,
         "led_by_limb": led,
+        "bending": told_of(estimate.bending),
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
     }
     if is_uniform(scene):
@@ -122,6 +128,13 @@ def as_correction(
         "range_factor_free": free_sigma,
     }
     return Correction("joint", estimate.state.pose, *without_held(changed, uncertainty, held), evidence, free.converged)
+
+
+def told_of(bending: Bending | None) -> Told | None:
+    """What the disk told of the beam's bending, in sigmas of what the marks say; None where it was left alone."""
+    if bending is None or not bending.strength:
+        return None
+    return {"strength": bending.strength, "sigma": bending.sigma, "moved_px": bending.moved_px}
 
 
 def without_held(changed: Told, uncertainty: Told, held: NDArray[np.bool_]) -> tuple[Told, Told]:

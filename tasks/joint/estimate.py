@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from catalog.camera import Camera
 from catalog.observation import Observation
+from tasks.joint.bending import Bending, DistortionError, told_by_disk
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, solve_joint
-from tasks.joint.uncertainty import DistortionError, bent, covariance, of_the_body, systematic
+from tasks.joint.uncertainty import covariance, of_the_body, systematic
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -35,7 +36,8 @@ DISAGREEMENT_PX = 0.3
 class Estimate:
     """free: solution with the range free, at its own scale; shown: its covariance (8, 8) by its residuals. free_state,
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
-    these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body."""
+    these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body.
+    bending: what the disk told of it; the states are those of the image without it. None where none is known."""
 
     free: Solution
     shown: Array
@@ -44,6 +46,7 @@ class Estimate:
     free_covariance: Array
     covariance: Array
     common: Array
+    bending: Bending | None = None
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -91,15 +94,20 @@ def estimated(
     free = solved_at(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
     state = scale.up(free.state)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
-    bending = None if distortion.bending is None else scale.planes_down(distortion.bending)
+    bending, of_bending = None, np.zeros((len(NAMES), len(NAMES)))
+    if distortion.bending is not None:
+        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px, settings.systematic.limb_px)
+        state = state.moved(-bending.strength * bending.response, scene.camera)
+        of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
     own = scale.covariance_up(shown) + systematic(settings.systematic, radius)
-    common = scale.covariance_up(bent(free, bending)) + of_the_body(scene.target, radius)
+    common = of_bending + of_the_body(scene.target, radius)
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
-    return weighed(Estimate(free, shown, state, state, errors, errors, common), metadata, sigmas, scene.camera)
+    estimate = Estimate(free, shown, state, state, errors, errors, common, bending)
+    return weighed(estimate, metadata, sigmas, scene.camera)
 
 
 def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:
@@ -170,5 +178,8 @@ def second_start(
     other = solved_at(scale, start.moved(step, scene.camera), metadata, quick, free_range)
     if scale.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > DISAGREEMENT_PX / 2:
         return None
-    apart = difference(scale.up(other.state), estimate.free_state, scene.camera)
+    found = scale.up(other.state)
+    if estimate.bending:
+        found = found.moved(-estimate.bending.strength * estimate.bending.response, scene.camera)
+    apart = difference(found, estimate.free_state, scene.camera)
     return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))

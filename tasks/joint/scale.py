@@ -35,10 +35,15 @@ class Scale:
         """A state found here, as it is in the image."""
         return State(state.pose, state.psf_sigma_px * self.n)
 
+    def step_up(self, step: Array) -> Array:
+        """A step (8,) found here, in the image's pixels."""
+        up = np.ones(len(NAMES))
+        up[OFFSET] = self.n
+        return step * up
+
     def covariance_up(self, covariance: Array) -> Array:
         """A covariance (8, 8) found here, in the image's pixels."""
-        scale = np.ones(len(NAMES))
-        scale[OFFSET] = self.n
+        scale = self.step_up(np.ones(len(NAMES)))
         return covariance * np.outer(scale, scale)
 
     def planes_down(self, planes: NDArray) -> NDArray:

@@ -86,9 +86,10 @@ class JointSettings(BaseModel):
     background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
     first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
     solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the solution's limb lies
-    farther (RMS) from the image's own, the limb leads; None never. diameter_px: larger disks are solved at
-    reduced resolution; first_diameter_px: how large the disk is at most on the way there, where fine markings would
-    catch the solution in the wrong place."""
+    farther (RMS) from the image's own, the limb leads; None never. bending_px: where the disk shows the beam to bend
+    otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
+    diameter_px: larger disks are solved at reduced resolution; first_diameter_px: how large the disk is at most on the
+    way there, where fine markings would catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(
@@ -105,6 +106,7 @@ class JointSettings(BaseModel):
     systematic: SystematicSettings = SystematicSettings()
     second_start: bool = True
     limb_led_px: float | None = Field(0.3, gt=0)
+    bending_px: float | None = Field(0.02, ge=0)
     diameter_px: float = Field(450.0, gt=0)
     first_diameter_px: float = Field(220.0, gt=0)
     edge_px: float = Field(0.1, ge=0)

@@ -1,38 +1,76 @@
-"""The cached step: joint."""
+"""The cached step: joint.
+
+Where the disk told of the beam's bending (`bending.told_by_disk`), the step also leaves the image displaced by it, and
+what is known of its distortion, for later steps to use in place of those of the step undistort; its result says so by
+IMAGE_MOVED.
+"""
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.pose import Pose
 from tasks.correcting import plain_correction
+from tasks.correction import IMAGE_MOVED
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.uncertainty import DistortionError
+from tasks.joint.bending import DistortionError, displacement_of
 from tasks.simulate import Scene
-from tasks.stored import load_arrays, load_observation, pose_in, scene_of
+from tasks.stored import load_arrays, load_observation, pose_in, save_arrays, save_observation, scene_of
+from tasks.undistort.resample import displaced
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
+
+Known = dict[str, NDArray[Any]]
 
 
 def run(work: Work) -> dict[str, Any]:
     """See `find_pose_jointly`."""
     settings = JointSettings.model_validate(work.inputs["settings"])
     observation = load_observation(work.place("undistort"))
+    known = load_arrays(work.place("undistort") / DISTORTION)
     start, predicted = pose_in(work.place("pose")), pose_in(work.place("predicted"))
     scene, sources = scene_of(work), work.inputs["pose_sources"]
-    distortion = distortion_near(work, scene, start)
-    return plain_correction(
-        find_pose_jointly(observation, start, predicted, sources, scene, settings, work.progress, distortion)
-    )
+    distortion = distortion_near(known, scene, start)
+    correction = find_pose_jointly(observation, start, predicted, sources, scene, settings, work.progress, distortion)
+    result = plain_correction(correction)
+    told = correction.evidence["bending"]
+    if told is None:
+        return result
+    save_observation(work.folder, displaced(observation, displacement_of(told["strength"], known["bending_error_px"])))
+    save_arrays(work.folder / DISTORTION, **known_after(known, told["strength"], told["sigma"]))
+    return result | {IMAGE_MOVED: True}
 
 
-def distortion_near(work: Work, scene: Scene, pose: Pose) -> DistortionError:
+def distortion_near(known: Known, scene: Scene, pose: Pose) -> DistortionError:
     """The distortion model's expected error: median over the target's window of what is not the beam's bending."""
-    known = load_arrays(work.place("undistort") / DISTORTION)
     variance, bending = known["uncertainty_px"] ** 2, known.get("bending_error_px")
     if bending is not None:
-        variance = np.maximum(variance - (bending.astype(np.float32) ** 2).mean(axis=0), 0)
+        variance = np.maximum(variance - mean_square(bending), 0)
     window = scene.window(pose).clipped((variance.shape[1], variance.shape[0]))
     part = variance[window.y0 : window.y1, window.x0 : window.x1]
     smooth_px = float(np.sqrt(np.nanmedian(part))) if np.isfinite(part).any() else 0.0
     return DistortionError(smooth_px, bending)
+
+
+def known_after(known: Known, strength: float, sigma: float) -> Known:
+    """What is known of the distortion when the bending turned out to be off by `strength` of its sigmas, known to
+    `sigma` of them."""
+    import cv2
+
+    bending = known["bending_error_px"]
+    variance = known["uncertainty_px"] ** 2 - (1 - sigma**2) * mean_square(bending)
+    after = known | {
+        "uncertainty_px": np.sqrt(np.maximum(variance, 0)).astype(np.float32),
+        "bending_error_px": (sigma * bending.astype(np.float32)).astype(np.float16),
+    }
+    if "sensor_x_px" in known:
+        x, y = (known[name].astype(np.float32) for name in ("sensor_x_px", "sensor_y_px"))
+        for name, plane in zip(("sensor_x_px", "sensor_y_px"), displacement_of(strength, bending), strict=True):
+            after[name] = known[name] - cv2.remap(plane, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return after
+
+
+def mean_square(planes: NDArray[Any]) -> NDArray[np.float32]:
+    """Of x and y (ny, nx)."""
+    return np.asarray((planes.astype(np.float32) ** 2).mean(axis=0), np.float32)

@@ -1,17 +1,16 @@
 """How sure the joint solution is: errors that neighbouring pixels share, what the priors hold, and what no residual
 shows."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.target import Target
-from tasks.joint.fit import Fit, Problem, scaled_inverse, solve
+from tasks.joint.fit import Fit, Problem, scaled_inverse
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
 from tasks.joint.settings import SystematicSettings
-from tasks.joint.solve import Solution
 
 Array = NDArray[np.float64]
 MOVING = len(NAMES)
@@ -23,8 +22,13 @@ INDEPENDENT_LIMBS = 9
 
 
 def covariance(problem: Problem, fit: Fit) -> Array:
-    """Covariance (8, 8) of the unknowns when the residuals of neighbouring tiles may all err together (cluster-robust
-    sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
+    """Covariance (8, 8) of the unknowns that move the image, see `covariance_of_all`."""
+    return covariance_of_all(problem, fit)[-MOVING:, -MOVING:]
+
+
+def covariance_of_all(problem: Problem, fit: Fit) -> Array:
+    """Covariance (n, n) of all columns' values when the residuals of neighbouring tiles may all err together
+    (cluster-robust sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
     scores = _scores(problem, fit)
     count, size = len(scores), len(fit.values)
@@ -33,7 +37,7 @@ def covariance(problem: Problem, fit: Fit) -> Array:
     sandwich = bread @ meat @ bread
     # Never less than what independent pixels of the stated weight would give.
     ratio = np.maximum(np.sqrt(np.diag(bread) / np.maximum(np.diag(sandwich), 1e-300)), 1.0)
-    return np.asarray((sandwich * np.outer(ratio, ratio))[-MOVING:, -MOVING:])
+    return np.asarray(sandwich * np.outer(ratio, ratio))
 
 
 def _scores(problem: Problem, fit: Fit) -> Array:
@@ -49,32 +53,6 @@ def _scores(problem: Problem, fit: Fit) -> Array:
     scores = [np.add.reduceat((pull * column.ravel())[order].astype(np.float64), starts) for column in problem.columns]
     kept = np.array(scores).T
     return kept[np.any(kept != 0, axis=1)]
-
-
-@dataclass(frozen=True)
-class DistortionError:
-    """What is known of the distortion model's error. smooth_px: 1-sigma of a coordinate near the disk. bending: (2, ny,
-    nx) displacement of the frame's pixels by an error of 1-sigma that they all share, or None."""
-
-    smooth_px: float = 0.0
-    bending: NDArray[Any] | None = None
-
-
-def bent(solution: Solution, bending: NDArray[Any] | None) -> Array:
-    """Covariance (8, 8) that a displacement common to all pixels brings: the step that the solution would take if the
-    image were displaced so (a considered parameter; Bierman 1977, Factorization Methods, chapter VIII)."""
-    if bending is None:
-        return np.zeros((MOVING, MOVING))
-    problem, window = solution.problem, solution.model.window
-    per_x, per_y = problem.columns[-MOVING:][OFFSET]
-    along_x, along_y = (window.crop(plane.astype(np.float32), fill=0) for plane in bending)
-    displaced = per_x * along_x + per_y * along_y
-    displaced[solution.fit.weight <= 0] = 0
-    pulled = replace(
-        problem, image=displaced.astype(np.float32), expected=np.zeros_like(problem.expected), huber=np.inf
-    )
-    step = solve(pulled, solution.fit.weight).values[-MOVING:]
-    return np.outer(step, step)
 
 
 def systematic(settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0) -> Array:

@@ -21,16 +21,31 @@ def resampled(observation: Observation, model: DistortionModel, kernel: Kernel =
     Quality: flags of the nearest raw pixel, and every unusable bit of any pixel that the kernel touches. Pixels that
     fall outside the raw frame are 0 and OUTSIDE_WINDOW; those the model extrapolates are EXTRAPOLATED_DISTORTION.
     """
+    x, y, extrapolated = raw_places(model)
+    found = _taken_from(observation, x, y, kernel)
+    found.quality[extrapolated] |= np.uint16(Quality.EXTRAPOLATED_DISTORTION)
+    return found
+
+
+def displaced(observation: Observation, displacement: NDArray[np.float32]) -> Observation:
+    """Observation whose pixels are taken from `displacement` (2, ny, nx), x and y in pixels, away; noise and quality as
+    in `resampled`. Bilinear: exact in position."""
+    y, x = np.indices(observation.image.shape, dtype=np.float32)
+    return _taken_from(observation, x + displacement[0], y + displacement[1], "bilinear")
+
+
+def _taken_from(
+    observation: Observation, x: NDArray[np.float32], y: NDArray[np.float32], kernel: Kernel
+) -> Observation:
+    """Observation interpolated at the places x, y (ny, nx)."""
     import cv2
 
-    x, y, extrapolated = raw_places(model)
     interpolation = {"bilinear": cv2.INTER_LINEAR, "bicubic": cv2.INTER_CUBIC, "lanczos": cv2.INTER_LANCZOS4}[kernel]
     image = cv2.remap(_finite(observation.image), x, y, interpolation, borderMode=cv2.BORDER_REPLICATE)
     variance = cv2.remap(_finite(observation.noise) ** 2, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     variance *= _squared_weights(x, kernel) * _squared_weights(y, kernel)
     quality = cv2.remap(observation.quality, x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
     quality |= _touched_faults(observation.quality, x, y, kernel)
-    quality[extrapolated] |= np.uint16(Quality.EXTRAPOLATED_DISTORTION)
     rows, columns = observation.image.shape
     outside = ~((x >= -0.5) & (x <= columns - 0.5) & (y >= -0.5) & (y <= rows - 0.5))
     quality[outside] |= np.uint16(Quality.OUTSIDE_WINDOW)

@@ -5,9 +5,10 @@ import pytest
 
 from catalog.target import find_target
 from tasks.joint import JointSettings, find_pose_jointly
+from tasks.joint.bending import DistortionError
 from tasks.joint.parameters import OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale
-from tasks.joint.uncertainty import DistortionError, of_the_body
+from tasks.joint.uncertainty import of_the_body
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.simulate.plant import planted, pose_error
 
