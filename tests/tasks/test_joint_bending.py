@@ -1,0 +1,117 @@
+"""What a disk tells of the beam's bending: planted strengths, what is left alone, what the step leaves for others."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from catalog.basemap import packaged_map_path
+from catalog.observation import Observation
+from catalog.pose import Pose
+from tasks.correction import IMAGE_MOVED
+from tasks.joint import JointSettings, find_pose_jointly
+from tasks.joint.bending import DistortionError
+from tasks.joint.step import run
+from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
+from tasks.record import Record, write_record
+from tasks.simulate import Scene
+from tasks.simulate.plant import pose_error
+from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
+from tasks.undistort.bending import bending_field
+from tasks.undistort.resample import displaced
+from tasks.undistort.step import DISTORTION
+from tasks.work import Work
+
+ONCE = JointSettings(second_start=False)
+# Of the coefficient, px per DN: a frame whose marks all but one are far from the disk.
+SPREAD_PX_PER_DN = 0.008
+
+World = tuple[Scene, Pose, Observation, NDArray[np.float32]]
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    """A disk as it is, and by how much an error of its bending of 1-sigma would move its pixels."""
+    camera = small_camera(110.0, (160, 160)).model_copy(update={"centre_px": (79.5, 79.5)})
+    scene, truth = scene_of(camera), true_pose(camera)
+    seen = observation_of(scene, truth)
+    return scene, truth, seen, bending_field(seen, 255.0).planes() * np.float32(SPREAD_PX_PER_DN)
+
+
+@pytest.mark.parametrize("strength", [-1.5, 1.5])
+def test_a_planted_strength_is_found_and_centre_and_range_are_right_again(world: World, strength: float) -> None:
+    scene, truth, seen, planes = world
+    bent = displaced(seen, -strength * planes)
+    solve = partial(
+        find_pose_jointly, bent, truth, truth, "file", scene, distortion=DistortionError(0.0, planes.astype(np.float16))
+    )
+    without, found = solve(ONCE.model_copy(update={"bending_px": None})), solve(ONCE)
+    told = found.evidence["bending"]
+    before, after = (pose_error(c.pose, truth, scene.camera, scene.target) for c in (without, found))
+    print(f"planted {strength}, found {told}; centre {before.centre_px} -> {after.centre_px}, range {before.range:.5f}")
+    print(f"  -> {after.range:.5f}")
+    assert without.evidence["bending"] is None
+    assert told["strength"] == pytest.approx(strength, abs=3 * told["sigma"])
+    assert told["sigma"] < 0.5
+    assert np.hypot(*after.centre_px) < 0.5 * np.hypot(*before.centre_px)
+    assert found.uncertainty["offset_px"][1] < 0.7 * without.uncertainty["offset_px"][1]
+    assert (np.abs(after.centre_px) < 3 * np.array(found.uncertainty["offset_px"])).all()
+
+
+def test_a_disk_that_shows_no_other_bending_is_left_alone(world: World) -> None:
+    scene, truth, seen, planes = world
+    exact = DistortionError(0.0, 0.1 * planes)
+    assert find_pose_jointly(seen, truth, truth, "file", scene, ONCE, distortion=exact).evidence["bending"] is None
+
+
+def test_pixels_are_taken_from_where_the_displacement_says(world: World) -> None:
+    _, _, seen, _ = world
+    step = np.stack([np.full(seen.image.shape, 3.0), np.full(seen.image.shape, -2.0)]).astype(np.float32)
+    moved = displaced(seen, step)
+    assert moved.image[40:120, 40:120] == pytest.approx(seen.image[38:118, 43:123], abs=1e-4)
+    assert moved.noise[40:120, 40:120] == pytest.approx(seen.noise[38:118, 43:123])
+    assert not moved.usable[:1].any()
+
+
+def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tmp_path: Path) -> None:
+    scene, truth, seen, planes = world
+    folders = {name: tmp_path / name for name in ("undistort", "pose", "joint")}
+    for folder in folders.values():
+        folder.mkdir()
+    bent = displaced(seen, -1.5 * planes)
+    save_observation(folders["undistort"], bent)
+    y, x = np.indices(seen.image.shape, dtype=np.float64)
+    known = {
+        "uncertainty_px": np.sqrt(0.05**2 + (planes**2).mean(axis=0)).astype(np.float32),
+        "bending_error_px": planes.astype(np.float16),
+        "sensor_x_px": x,
+        "sensor_y_px": y,
+    }
+    save_arrays(folders["undistort"] / DISTORTION, **known)
+    write_record(folders["pose"], Record("pose", "key", "code", {}, {"pose": truth.to_dict()}, 0.0, "now"))
+    map_path = packaged_map_path(str(scene.target.basemap))
+    inputs = {
+        "camera": scene.camera.model_dump(mode="json"),
+        "target": scene.target.model_dump(mode="json"),
+        "basemap": {"sha256": "its digest", "left_edge_deg": 0.0},
+        "simulate": scene.settings.model_dump(mode="json"),
+        "settings": ONCE.model_dump(mode="json"),
+        "pose_sources": dict.fromkeys(truth.to_dict(), "file"),
+    }
+    places = {"undistort": folders["undistort"], "pose": folders["pose"], "predicted": folders["pose"]}
+    result = run(Work(inputs, places | {"basemap": str(map_path)}, folders["joint"], lambda *_: None))
+    assert result[IMAGE_MOVED]
+    told = result["evidence"]["bending"]
+    after = load_observation(folders["joint"])
+    off = [np.abs(o.image - seen.image)[20:140, 20:140].mean() for o in (bent, after)]
+    print(f"mean difference from the frame without bending: {off[0]:.2f} -> {off[1]:.2f} DN")
+    assert off[1] < 0.6 * off[0]
+    beside = load_arrays(folders["joint"] / DISTORTION)
+    assert beside["bending_error_px"] == pytest.approx(told["sigma"] * planes, abs=2e-3)
+    assert (beside["uncertainty_px"] < known["uncertainty_px"]).any()
+    assert beside["uncertainty_px"].min() > 0.049
+    # A raw pixel's content lies where the displaced image has it.
+    assert beside["sensor_x_px"] == pytest.approx(x - told["strength"] * planes[0], abs=2e-3)
+    assert beside["sensor_y_px"] == pytest.approx(y - told["strength"] * planes[1], abs=2e-3)
