@@ -54,7 +54,7 @@ class SystematicSettings(BaseModel):
     limb_px: float = Field(0.05, ge=0)
     attitude_deg: float = Field(0.15, ge=0)
     roll_deg: float = Field(0.3, ge=0)
-    distortion_share: float = Field(0.4, ge=0)
+    distortion_share: float = Field(0.25, ge=0)
 
 
 class TileSettings(BaseModel):
