@@ -9,8 +9,8 @@ FREE = PriorSettings(range_relative=None, roll_deg=None, attitude_deg=None, psf_
 
 
 def ablation() -> list[Profile]:
-    """Profiles `paper`, `joint`, and `joint` with one photometric law, without local gains, with the camera's PSF, and
-    without priors; named for what they lack."""
+    """Profiles `paper`, `joint`, and `joint` with one photometric law, without local gains, with the camera's PSF,
+    without what the disk tells of the beam's bending, and without priors; named for what they lack."""
     joint = find_profile("joint")
     settings = joint.joint
     still = settings.tiles.model_copy(update={"gain": 0.0, "slope": 0.0, "veil": 0.0})
@@ -18,6 +18,7 @@ def ablation() -> list[Profile]:
         "one-law": {"mapped": ("lunar-lambert",), "plain": ()},
         "no-tiles": {"tiles": still},
         "no-psf": {"hold": ("psf",), "wings_px": ()},
+        "no-bending": {"bending_px": None},
         "no-priors": {"priors": SourcePriors(spice=FREE, label=FREE, file=FREE)},
     }
     lacking = [

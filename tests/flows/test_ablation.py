@@ -5,7 +5,8 @@ from flows.ablation import ablation
 
 def test_each_profile_lacks_one_part_of_the_joint_estimator() -> None:
     profiles = {profile.name: profile for profile in ablation()}
-    assert list(profiles) == ["paper", "joint", "joint-one-law", "joint-no-tiles", "joint-no-psf", "joint-no-priors"]
+    parts = ("one-law", "no-tiles", "no-psf", "no-bending", "no-priors")
+    assert list(profiles) == ["paper", "joint", *(f"joint-{part}" for part in parts)]
     whole = profiles["joint"].resolved()
     for name in list(profiles)[2:]:
         other = profiles[name].resolved()
