@@ -173,6 +173,9 @@ def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict
     if correction == "joint":
         # Its priors are about the predicted pose, and depend on where its parts come from.
         inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_sources": chain.records["pose"].result["sources"]}
+        if scene["observation"] != chain.key("undistort"):
+            # What the disk tells of the bending is in this image already: asked again it would count twice.
+            settings["bending_px"] = None
         places |= {"predicted": chain.folder("pose")}
     chain.do(name, f"tasks.{correction}.step", inputs, places)
     return name

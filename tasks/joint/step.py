@@ -59,9 +59,10 @@ def known_after(known: Known, strength: float, sigma: float) -> Known:
     import cv2
 
     bending = known["bending_error_px"]
-    variance = known["uncertainty_px"] ** 2 - (1 - sigma**2) * mean_square(bending)
+    # The expected error is known on a coarser grid than its part that is the bending's, and may be the smaller one.
+    smooth = np.maximum(known["uncertainty_px"] ** 2 - mean_square(bending), 0)
     after = known | {
-        "uncertainty_px": np.sqrt(np.maximum(variance, 0)).astype(np.float32),
+        "uncertainty_px": np.sqrt(smooth + sigma**2 * mean_square(bending)).astype(np.float32),
         "bending_error_px": (sigma * bending.astype(np.float32)).astype(np.float16),
     }
     if "sensor_x_px" in known:

@@ -1,5 +1,6 @@
 """What a disk tells of the beam's bending: planted strengths, what is left alone, what the step leaves for others."""
 
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -8,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from catalog.basemap import packaged_map_path
-from catalog.observation import Observation
+from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from tasks.correction import IMAGE_MOVED
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
-from tasks.joint.step import run
+from tasks.joint.step import Known, known_after, run
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.record import Record, write_record
 from tasks.simulate import Scene
@@ -64,6 +65,44 @@ def test_a_disk_that_shows_no_other_bending_is_left_alone(world: World) -> None:
     scene, truth, seen, planes = world
     exact = DistortionError(0.0, 0.1 * planes)
     assert find_pose_jointly(seen, truth, truth, "file", scene, ONCE, distortion=exact).evidence["bending"] is None
+
+
+def test_a_strength_is_the_same_at_reduced_resolution(world: World) -> None:
+    scene, truth, seen, planes = world
+    bent = displaced(seen, -1.5 * planes)  # by +1.5: pixels are taken from the other side
+    third = ONCE.model_copy(update={"diameter_px": 40.0, "first_diameter_px": 40.0})
+    found = find_pose_jointly(bent, truth, truth, "file", scene, third, distortion=DistortionError(0.0, planes))
+    told = found.evidence["bending"]
+    full = find_pose_jointly(bent, truth, truth, "file", scene, ONCE, distortion=DistortionError(0.0, planes))
+    whole = full.evidence["bending"]
+    print(f"planted 1.5, found {whole}; at a third of the resolution {told}")
+    assert told["strength"] == pytest.approx(whole["strength"], abs=0.5 * told["sigma"])
+    assert told["moved_px"] / told["strength"] == pytest.approx(whole["moved_px"] / whole["strength"], rel=0.05)
+
+
+def test_a_range_held_where_it_is_not_is_not_taken_for_bending(world: World) -> None:
+    scene, truth, seen, planes = world
+    farther = truth.replaced(target_from_spacecraft_km=1.03 * truth.target_from_spacecraft_km)
+    held = ONCE.model_copy(update={"hold": ("range",)})
+    found = find_pose_jointly(seen, farther, farther, "file", scene, held, distortion=DistortionError(0.0, planes))
+    assert found.evidence["bending"] is None
+
+
+def test_the_error_is_never_less_than_what_is_left_of_the_bendings() -> None:
+    bending = np.full((2, 4, 4), 0.3, np.float16)
+    known: Known = {"uncertainty_px": np.full((4, 4), 0.2, np.float32), "bending_error_px": bending}
+    after = known_after(known, strength=1.0, sigma=0.5)
+    assert after["uncertainty_px"] == pytest.approx(0.15, rel=1e-2)
+
+
+def test_flags_are_those_of_all_pixels_that_a_displaced_one_is_made_of(world: World) -> None:
+    _, _, seen, _ = world
+    quality, image = seen.quality.copy(), seen.image.copy()
+    quality[50, 60], image[50, 60] = Quality.MISSING, np.nan
+    moved = displaced(replace(seen, image=image, quality=quality), np.full((2, *image.shape), 0.5, np.float32))
+    assert np.isfinite(moved.image).all()
+    flagged = np.argwhere((moved.quality & Quality.MISSING) != 0)
+    assert {tuple(place) for place in flagged.tolist()} == {(49, 59), (49, 60), (50, 59), (50, 60)}
 
 
 def test_pixels_are_taken_from_where_the_displacement_says(world: World) -> None:
