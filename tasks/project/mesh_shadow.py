@@ -11,7 +11,7 @@ from tasks.project.mesh_tracing import mitsuba_mesh
 from tasks.project.planes import Window
 from tasks.project.rays import sun_in_radii
 from tasks.project.sight import sight_of
-from tasks.renderer import mitsuba
+from tasks.renderer import mitsuba, rendered
 
 
 def sunlit_faces_under(pose: Pose, camera: Camera, target: Target, mesh: Mesh, window: Window) -> NDArray[np.bool_]:
@@ -57,7 +57,7 @@ def sunlit_faces_under(pose: Pose, camera: Camera, target: Target, mesh: Mesh, w
             "body": mitsuba_mesh(mesh.vertices_km / unit, mesh.faces, _white()),
         }
     )
-    return np.asarray(mi.render(scene))[..., 0] > 0
+    return rendered(scene)[..., 0] > 0
 
 
 def _white() -> object:

@@ -20,7 +20,7 @@ from tasks.project.mesh import Mesh
 from tasks.project.planes import Window
 from tasks.project.rays import spacecraft_in_radii
 from tasks.project.sight import sight_of
-from tasks.renderer import mitsuba
+from tasks.renderer import mitsuba, rendered
 
 Array = NDArray[np.float64]
 NEAR = 3.0  # of the sensor from the box's middle; the box reaches from -1 to 1
@@ -115,8 +115,8 @@ def _first_faces(box: _Box, faces: NDArray[np.int64]) -> NDArray[np.int64]:
             "body": mitsuba_mesh(box.vertices, faces),
         }
     )
-    rendered = np.asarray(mi.render(scene))
-    return np.where(rendered[..., -1] > 0, rendered[..., -2].astype(np.int64), -1)
+    hits = rendered(scene)
+    return np.where(hits[..., -1] > 0, hits[..., -2].astype(np.int64), -1)
 
 
 def _film(size: NDArray[Any]) -> dict[str, Any]:

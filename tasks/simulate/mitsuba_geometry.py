@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.renderer import mitsuba
+from tasks.renderer import mitsuba, rendered
 from tasks.simulate.window import Window
 
 
@@ -64,4 +64,4 @@ def render_positions(
             },
         }
     )
-    return np.asarray(mi.render(scene), dtype=np.float32)[..., -3:]
+    return rendered(scene)[..., -3:]
