@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
@@ -30,6 +30,7 @@ from tasks.work import Progress
 Result = dict[str, Any]
 RunStep = Callable[[Step, Progress], Record]
 logger = logging.getLogger("planetpose")
+HEAR_CTRL_C_S = 0.5
 
 
 class ImagesNotOkError(Exception):
@@ -74,7 +75,7 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
             for position, request in enumerate(requests)
         ]
         for future in futures:
-            result = future.result()
+            result = awaited(future)
             results.append(result)
             note_in_index(requests[len(results) - 1].store, result)
             listener.on_result(result)
@@ -82,6 +83,14 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     bad = [result for result in results if result["status"] not in PUBLISHED]
     summary = tally(results)
     return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
+
+
+def awaited(future: "Future[Result]") -> Result:
+    """The result, once it is there. Waits in short turns: after a rendering Mitsuba gives SIGINT back as one that wakes
+    nobody, and Ctrl-C would only be heard at an image's end."""
+    while not future.done():
+        wait([future], timeout=HEAR_CTRL_C_S)
+    return future.result()
 
 
 @contextmanager

@@ -1,6 +1,8 @@
 """The Prefect flow on small fake steps: what is done again and what is not, and what one bad image does to others."""
 
 import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -261,3 +263,27 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
     assert [(product, status) for product, status, _ in told] == [("1", "failed")]
     assert told[0][2].startswith("interrupted:")
     assert done(work_log) == ["read", "double"]  # the step at work ends, the next one does not begin
+
+
+def test_ctrl_c_is_heard_at_once_after_mitsuba_gave_the_signal_back_as_one_that_wakes_nobody() -> None:
+    """As C's `signal` does: interrupted waits go on. Not so a wait of `awaited`, which ends by itself."""
+    heard = subprocess.run([sys.executable, "-c", CTRL_C], capture_output=True, text=True, timeout=120, check=True)
+    assert float(heard.stdout) < 5
+
+
+CTRL_C = """
+import os, signal, threading, time
+from concurrent.futures import Future
+from flows.correct import awaited
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.siginterrupt(signal.SIGINT, False)
+threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
+future = Future()
+threading.Timer(20, future.set_result, ({},)).start()
+began = time.monotonic()
+try:
+    awaited(future)
+except KeyboardInterrupt:
+    print(time.monotonic() - began, flush=True)
+os._exit(0)
+"""
