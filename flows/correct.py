@@ -121,6 +121,8 @@ def one_result(
         correct_image(chain)
     except PlanetposeError as expected:
         error = expected
+    except OSError as trouble:
+        error = trouble
     except Exception as bug:  # the boundary of one image: the batch goes on, and the log has the traceback
         logger.exception("%s ended by %s", request.product, type(bug).__name__)
         error = bug

@@ -1,11 +1,13 @@
 """Where products go: a folder, or an object store with a local store before it."""
 
 import hashlib
+import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalog.errors import RefusedError
 from catalog.settings import cache_folder, state_folder
 from tasks.objectstore.location import is_url, open_object_store
 
@@ -28,6 +30,20 @@ def place_of(store: str | Path) -> Place:
     if not is_url(text):
         return Place(Path(store))
     return Place(local_store_of(text), text.rstrip("/"))
+
+
+def usable_place_of(store: str | Path) -> Place:
+    """`place_of`, after a look whether products can be written there, for that would only be found out after all
+    steps. Raises RefusedError when the folder is a file, or may not be written in."""
+    place = place_of(store)
+    existing = next(path for path in (place.store, *place.store.absolute().parents) if path.exists())
+    if not existing.is_dir():
+        fault = f"{existing} is a file" if existing == place.store else f"{existing} on its way is a file"
+        raise RefusedError("store-unusable", f"store {store}: {fault}.", "Give a folder; it is made if need be.")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        fault = f"store {store}: nothing may be written in the folder {existing}."
+        raise RefusedError("store-unusable", fault, "Change its permissions, or give another --store.")
+    return place
 
 
 def local_store_of(url: str) -> Path:

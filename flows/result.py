@@ -1,6 +1,7 @@
 """The result of one image as `--json` prints it: one object, the same keys whatever happened."""
 
 from collections import Counter
+from errno import EROFS
 from typing import Any
 
 from catalog.errors import PlanetposeError
@@ -66,8 +67,15 @@ def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
     if isinstance(error, PlanetposeError):
         return {"status": error.status, "reason": error.reason}
     if isinstance(error, OSError):
-        return {"status": "failed", "reason": f"file-trouble: {error}. Check the disk and try again."}
+        return {"status": "failed", "reason": file_trouble(error)}
     return {"status": "failed", "reason": f"bug: {type(error).__name__}: {error}. Please report it with the log."}
+
+
+def file_trouble(error: OSError) -> str:
+    """Reason of a file that could not be read or written."""
+    forbidden = isinstance(error, PermissionError) or error.errno == EROFS
+    remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
+    return f"file-trouble: {error}. {remedy}."
 
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import typer
 from flows.defaults import DEFAULT_PROFILE
 
 if TYPE_CHECKING:
+    from flows.places import Place
     from flows.profile import Profile
 
 Files = Annotated[list[Path], typer.Argument(help="Image files.", show_default=False)]
@@ -55,7 +56,6 @@ def correct(
 ) -> None:
     """Correct the geometry of images and publish cubes."""
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
-    from flows.places import place_of
     from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.request import Request
@@ -63,7 +63,7 @@ def correct(
     from flows.run import run_requests
 
     chosen = holding(usable_profile(profile, max_passes), hold)
-    offset_px, place = two_numbers(start_offset), place_of(store)
+    offset_px, place = two_numbers(start_offset), writable(store)
     requests = [
         Request(
             image=file,
@@ -96,6 +96,17 @@ def correct(
     if not quiet and (len(results) > 1 or results[0]["status"] == "doubtful"):
         print(tally(results), file=sys.stderr)
     end_process(exit_status(results))
+
+
+def writable(store: str) -> "Place":
+    """Where products go; what cannot be written in is wrong usage."""
+    from catalog.errors import RefusedError
+    from flows.places import usable_place_of
+
+    try:
+        return usable_place_of(store)
+    except RefusedError as error:
+        raise typer.BadParameter(str(error), param_hint="--store") from error
 
 
 def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":

@@ -55,6 +55,7 @@ def reprocess(
     """Correct the images of a list that are new or whose inputs, settings, kernels or code changed."""
     from functools import partial
 
+    from flows.cli.correct import writable
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
     from flows.reprocessing.command import run_reprocess
@@ -62,6 +63,7 @@ def reprocess(
     from flows.reprocessing.tally import in_words
     from flows.reprocessing.telling import telling
 
+    writable(store)
     settings = settings_of(
         images=images,
         store=store,

@@ -113,6 +113,8 @@ def correct(chain: Chain) -> Exception | None:
         correct_image(chain)
     except PlanetposeError as expected:
         return expected
+    except OSError as trouble:
+        return trouble
     except Exception as bug:  # the boundary of one image: the others go on, and the log has the traceback
         logger.exception("%s ended by %s", chain.request.product, type(bug).__name__)
         return bug

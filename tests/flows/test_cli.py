@@ -229,6 +229,28 @@ def test_bad_options_refuse_the_image_and_say_why(
     assert not Path("out").exists()
 
 
+def test_a_store_that_is_a_file_is_told_before_any_work(here: Path, server_state: Path) -> None:
+    (here / "taken").write_text("")
+    for store, name in (("taken", "taken is a file"), ("taken/below", "taken on its way is a file")):
+        done = command(here, server_state, "correct", *ARGUMENTS, "--store", store, COLUMNS="400")
+        assert (done.returncode, done.stdout) == (2, "")
+        assert f"store {store}: " in done.stderr
+        assert name in done.stderr
+        assert "Give a folder" in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+def test_what_cannot_be_written_is_told_in_one_line(
+    corrected: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    (tmp_path / "taken").write_text("")
+    arguments = ["export", str(corrected[0] / "out"), "--format", "csv", "--out", str(tmp_path / "taken/below")]
+    done = command(tmp_path, tmp_path / "state", *arguments)
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.startswith("planetpose: file-trouble: ")
+    assert done.stderr.count("\n") == 1
+
+
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -261,7 +261,7 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
     with pytest.raises(KeyboardInterrupt):
         interrupted_batch()
     assert [(product, status) for product, status, _ in told] == [("1", "failed")]
-    assert told[0][2].startswith("interrupted:")
+    assert str(told[0][2]).startswith("interrupted:")
     assert done(work_log) == ["read", "double"]  # the step at work ends, the next one does not begin
 
 
