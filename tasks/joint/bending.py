@@ -59,7 +59,8 @@ def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: flo
     column = _column(solution, along)
     response = scale.step_up(_response(solution, column))
     per_sigma_px = scale.n * _rms_on_disk(solution, along)
-    if least_px is None or per_sigma_px <= 0:
+    # A held centre that is a little off would be taken for bending, too.
+    if least_px is None or per_sigma_px <= 0 or solution.held[OFFSET].any():
         return Bending(response)
     problem = replace(
         solution.problem,
@@ -85,6 +86,9 @@ def _over_window(solution: Solution, planes: Planes) -> NDArray[np.float32]:
 def _column(solution: Solution, along: NDArray[np.float32]) -> NDArray[np.float32]:
     """Change of the image (ny, nx) when its pixels are displaced by `along` (2, ny, nx)."""
     per_x, per_y = solution.problem.columns[-MOVING:][OFFSET]
+    if solution.held[OFFSET].any():  # these are zero there
+        weights = solution.fit.values[: len(solution.model.bases)]
+        per_x, per_y = solution.model.derivatives(weights, solution.fit.gain)[OFFSET]
     column = per_x * along[0] + per_y * along[1]
     column[solution.fit.weight <= 0] = 0
     return np.asarray(column, np.float32)

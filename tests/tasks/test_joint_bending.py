@@ -88,6 +88,17 @@ def test_a_range_held_where_it_is_not_is_not_taken_for_bending(world: World) -> 
     assert found.evidence["bending"] is None
 
 
+def test_a_held_centre_is_kept_with_its_image_and_the_range_has_the_bendings_error(world: World) -> None:
+    scene, truth, seen, planes = world
+    held = ONCE.model_copy(update={"hold": ("offset",)})
+    known, exact = (
+        find_pose_jointly(seen, truth, truth, "file", scene, held, distortion=DistortionError(0.0, bending))
+        for bending in (planes, None)
+    )
+    assert known.evidence["bending"] is None
+    assert known.uncertainty["range_factor"] > 1.2 * exact.uncertainty["range_factor"]
+
+
 def test_the_error_is_never_less_than_what_is_left_of_the_bendings() -> None:
     bending = np.full((2, 4, 4), 0.3, np.float16)
     known: Known = {"uncertainty_px": np.full((4, 4), 0.2, np.float32), "bending_error_px": bending}
