@@ -1,6 +1,7 @@
 """Any body of a loaded PCK as a Target: radii and rotation constants out of SPICE's kernel pool."""
 
 from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 from catalog.errors import RefusedError
@@ -27,7 +28,7 @@ def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
             raise RefusedError(
                 "target-unknown",
                 f"target {name_or_id!r} is neither in the catalog nor in a loaded PCK.",
-                _remedy(_bodies_with_radii()),
+                _remedy(name_or_id, _bodies_with_radii()),
             )
         return _target(naif_id)
 
@@ -87,8 +88,12 @@ def _bodies_with_radii() -> list[str]:
     return [spiceypy.bodc2s(naif_id).lower() for naif_id in ids]
 
 
-def _remedy(in_pck: list[str]) -> str:
-    from catalog.target import known_targets
+def _remedy(name: str, in_pck: list[str]) -> str:
+    from catalog.target import known_targets, target_names
 
-    loaded = f"; the loaded PCK has {', '.join(in_pck)}" if in_pck else "; no PCK is loaded (--kernels)"
-    return f"The catalog has {', '.join(known_targets())}{loaded}."
+    catalog = known_targets()
+    near = get_close_matches(name.lower(), {*target_names(), *in_pck}, n=3)
+    meant = f"Did you mean {' or '.join(near)}? " if near else ""
+    others = [body for body in in_pck if body not in catalog]
+    loaded = f"the loaded PCK has {len(others)} more bodies" if in_pck else "no PCK is loaded (--kernels)"
+    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}; {loaded}."

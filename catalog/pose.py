@@ -18,6 +18,7 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 POSE_KEYS = ("camera_from_j2000", "target_from_spacecraft_km", "sun_from_target_km", "body_from_j2000")
+SAME_TIME_S = 0.01
 MAX_VELOCITY_KM_S = 1000.0
 VELOCITY_KEYS = ("spacecraft_velocity_km_s", "target_velocity_km_s")  # optional, and known together
 
@@ -190,11 +191,23 @@ def read_pose_file(path: Path) -> PartialPose:
     """Read a pose file (JSON). Raises RefusedError naming the file, the fault and the remedy."""
     remedy = "See the README's section on pose files for the keys and their shapes."
     try:
-        return PartialPose.from_dict(json.loads(Path(path).read_text()))
+        content = json.loads(Path(path).read_text())
+        partial = PartialPose.from_dict(content)
+        _check_times_agree(content)
+        return partial
     except (OSError, UnicodeDecodeError) as error:
         raise RefusedError("pose-file-unreadable", f"pose file {path} cannot be read ({error}).", remedy) from error
     except (json.JSONDecodeError, ValueError) as error:
         raise RefusedError("pose-file-invalid", f"pose file {path}: {error}.", remedy) from error
+
+
+def _check_times_agree(content: dict[str, Any]) -> None:
+    """Both times of a pose file are the same one; when only one was edited, the other would be taken in silence."""
+    utc, et = content.get("utc"), content.get("et")
+    if utc is None or et is None:
+        return
+    if abs(et_from_utc(str(utc)) - float(et)) > SAME_TIME_S:
+        raise ValueError(f"utc {utc} and et {et} are not the same time ({utc_from_et(float(et))}): leave one out")
 
 
 def write_pose_file(pose: Pose, path: Path) -> None:

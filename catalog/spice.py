@@ -62,6 +62,23 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     return sorted(kernels, key=lambda kernel: KIND_ORDER.index(kernel.kind))
 
 
+def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
+    """Raises RefusedError naming a folder without kernels, or a file that SPICE would read as an empty text kernel: an
+    image whose label has the geometry would be corrected without them in silence."""
+    for path in map(Path, paths):
+        if path.is_dir() and not list_kernels([path]):
+            fault = f"the folder {path} holds no kernel ({', '.join((*KIND_OF_SUFFIX, '.tm'))})."
+            raise RefusedError("kernel-missing", fault, "Give a folder that does, or kernel files.")
+        if path.is_file() and kernel_kind(path) == "other" and not _looks_like_a_kernel(path):
+            fault = f"kernel {path} is neither a binary SPICE file nor a text with \\begindata."
+            raise RefusedError("kernel-unreadable", fault, "Give kernels of the SPICE formats.")
+
+
+def _looks_like_a_kernel(path: Path) -> bool:
+    head = path.read_bytes()
+    return head.startswith((b"DAF/", b"DAS/", b"NAIF/")) or b"\\begindata" in head
+
+
 @contextmanager
 def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
     """Furnish kernels (files, folders, meta-kernels) for the `with` block, under the process-wide lock.

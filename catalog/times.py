@@ -14,10 +14,13 @@ def et_from_utc(utc: str) -> float:
 
     text = utc.strip().removesuffix("Z")
     day_of_year = len(text) > 8 and text[4] == "-" and text[8] == "T"
-    if day_of_year:
-        time = Time(f"{text[:4]}:{text[5:].replace('T', ':')}", format="yday", scale="utc")
-    else:
-        time = Time(text, format="isot", scale="utc")
+    try:
+        if day_of_year:
+            time = Time(f"{text[:4]}:{text[5:].replace('T', ':')}", format="yday", scale="utc")
+        else:
+            time = Time(text, format="isot", scale="utc")
+    except ValueError as error:
+        raise ValueError(f"{utc!r} is no UTC such as 2000-05-22T23:52:05.277Z") from error
     return float((time.tdb - Time(J2000_TT_JD, format="jd", scale="tdb")).sec)
 
 

@@ -63,6 +63,7 @@ def correct(
     from flows.run import run_requests
 
     chosen = holding(usable_profile(profile, max_passes), hold)
+    usable_kernels(kernels or [])
     offset_px, place = two_numbers(start_offset), writable(store)
     requests = [
         Request(
@@ -107,6 +108,17 @@ def writable(store: str) -> "Place":
         return usable_place_of(store)
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--store") from error
+
+
+def usable_kernels(paths: list[Path]) -> None:
+    """What holds no kernel is wrong usage."""
+    from catalog.errors import RefusedError
+    from catalog.spice import refuse_what_holds_no_kernel
+
+    try:
+        refuse_what_holds_no_kernel(path for path in paths if path.exists())
+    except RefusedError as error:
+        raise typer.BadParameter(str(error), param_hint="--kernels") from error
 
 
 def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":

@@ -41,7 +41,8 @@ def robust_least_squares(
     values, base = (np.ascontiguousarray(a.ravel(), np.float32) for a in (image, weight))
     count = int(np.count_nonzero(base > 0))
     if count <= n:
-        raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
+        fault = "no usable pixels lie under the simulated target."
+        raise FailedError("no-usable-pixels", fault, "Check the predicted pose, --start-offset and --mask.")
     stride = max(1, base.size // SIGMA_SAMPLES)
     limit = np.inf
     solution = np.zeros(n)

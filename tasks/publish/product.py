@@ -57,11 +57,23 @@ def redraw_overlay(folder: Path) -> Path:
     camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
     target = Target.model_validate(attributes["target_model"])
     before, after = (Pose.from_dict(attributes[key]) for key in ("pose_before", "pose_after"))
-    result = json.loads((folder / RESULT).read_text()) if (folder / RESULT).is_file() else {}
+    result = _result_of(folder)
     caption = _caption(attributes["product"], target.name, camera.name, after, result)
     draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption)
     refresh_checksum(folder, OVERLAY)
     return folder / OVERLAY
+
+
+def _result_of(folder: Path) -> dict[str, Any]:
+    """What was told of the product; nothing when nobody wrote it down. Raises RefusedError when it was damaged."""
+    path = folder / RESULT
+    try:
+        return dict(json.loads(path.read_text())) if path.is_file() else {}
+    except ValueError as error:
+        fault = f"{path} cannot be read ({error})."
+        raise RefusedError(
+            "product-unreadable", fault, "Look at `planetpose check`, and correct the image anew."
+        ) from error
 
 
 def _loaded(value: Any) -> Any:

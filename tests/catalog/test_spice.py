@@ -11,7 +11,7 @@ from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.europa57 import PaperImage, paper_images
 from catalog.pose import PartialPose
-from catalog.spice import kernel_pool, list_kernels
+from catalog.spice import kernel_pool, list_kernels, refuse_what_holds_no_kernel
 from catalog.spice_pose import pose_parts_from_loaded, pose_parts_from_spice
 from catalog.target import find_target
 from catalog.times import et_from_utc
@@ -205,3 +205,16 @@ def test_paper_images_are_the_published_numbers(data_folder: Path) -> None:
         looking_at = np.array(entry["Rcam"]).T @ np.array(entry["moon_pos"])
         looking_at /= np.linalg.norm(looking_at)
         np.testing.assert_allclose(image.pose.target_in_camera_km / image.pose.range_km, looking_at, atol=1e-10)
+
+
+def test_a_folder_without_kernels_and_a_file_that_is_none_are_refused_by_name(pck: Path, tmp_path: Path) -> None:
+    refuse_what_holds_no_kernel([pck, tmp_path])
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RefusedError, match=r"empty holds no kernel \(\.tls, "):
+        refuse_what_holds_no_kernel([tmp_path / "empty"])
+    note = tmp_path / "note.txt"
+    note.write_text("no kernel")
+    with pytest.raises(RefusedError, match=r"note\.txt is neither a binary SPICE file nor a text"):
+        refuse_what_holds_no_kernel([note])
+    note.write_text(TEXT_KERNEL)
+    refuse_what_holds_no_kernel([note])

@@ -73,6 +73,6 @@ def test_a_body_outside_the_catalog_comes_from_the_loaded_pck(data_folder: Path)
 
 
 @real
-def test_a_name_that_no_pck_knows_is_refused_with_the_bodies_of_the_pck(data_folder: Path) -> None:
-    with pytest.raises(RefusedError, match=r"'vulcan'.*loaded PCK has .*amalthea"):
-        find_target("vulcan", [data_folder / "kernels"])
+def test_a_name_that_no_pck_knows_is_refused_with_the_nearest_of_its_bodies(data_folder: Path) -> None:
+    with pytest.raises(RefusedError, match=r"'amaltea'.*Did you mean amalthea"):
+        find_target("amaltea", [data_folder / "kernels"])

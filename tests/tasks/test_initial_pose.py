@@ -86,6 +86,15 @@ def test_no_source_at_all_is_refused_naming_parts_kernels_and_the_pose_file() ->
         assert word in refusal.value.reason
 
 
+def test_a_pose_file_whose_two_times_differ_is_refused_and_not_half_believed(tmp_path: Path) -> None:
+    times = ("et", "utc", *GEOMETRY_KEYS)
+    assert initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, *times)).pose.et == ET
+    with pytest.raises(RefusedError, match=r"pose\.json: utc .* and et .* are not the same time .* leave one out"):
+        initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, *times, et=ET + 7))
+    with pytest.raises(RefusedError, match=r"pose\.json: .yesterday. is no UTC such as"):
+        initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, *times, utc="yesterday"))
+
+
 def test_a_frame_without_time_is_refused() -> None:
     with pytest.raises(RefusedError, match=r"no time.*--pose"):
         initial_pose(_frame(et=None), CAMERA, TARGET, [])
