@@ -23,7 +23,7 @@ MOVING = len(NAMES)
 # Strength, in the prior's sigmas, that is as good as not held at all.
 FREE = 1e3
 # Disk and marks that differ by more of their common sigmas tell of something else: a range held where it is not, say.
-# In 57 simulated images they differ by 3.3 at most.
+# Where one of the simulated images told a bending they differ by 3.3 at most.
 CONTRADICTION = 4.0
 
 
