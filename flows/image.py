@@ -173,12 +173,19 @@ def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict
     if correction == "joint":
         # Its priors are about the predicted pose, and depend on where its parts come from.
         inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_sources": chain.records["pose"].result["sources"]}
+        inputs |= {"markings_match": markings_match(chain)}
         if scene["observation"] != chain.key("undistort"):
             # What the disk tells of the bending is in this image already: asked again it would count twice.
             settings["bending_px"] = None
         places |= {"predicted": chain.folder("pose")}
     chain.do(name, f"tasks.{correction}.step", inputs, places)
     return name
+
+
+def markings_match(chain: Chain) -> bool:
+    """False where the last attitude step found markings in the image that are not the map's."""
+    attitudes = [record.result for name, record in chain.records.items() if name.startswith("attitude-")]
+    return not (attitudes and attitudes[-1]["evidence"].get("doubt"))
 
 
 def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The joint step's answer: the estimate as a correction, with what is told of it and why it is doubted."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from tasks.joint.limb_led import led_by_limb
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
-from tasks.joint.uncertainty import untold_directions
+from tasks.joint.uncertainty import untold_directions, with_attitude_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
@@ -45,11 +46,13 @@ def find_pose_jointly(
     settings: JointSettings,
     progress: Progress | None = None,
     distortion: DistortionError = EXACT,
+    markings_match: bool = True,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
     pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
-    or where each part of it is (keys of `Pose`). changed and
+    or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
+    image's: the attitude is then told as no better known than by its prior. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
     pixels are usable.
@@ -67,6 +70,9 @@ def find_pose_jointly(
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
+    if not markings_match:
+        free, product = (with_attitude_of(e, sigmas) for e in (estimate.free_covariance, estimate.covariance))
+        estimate = replace(estimate, free_covariance=free, covariance=product)
     return as_correction(estimate, start, metadata, sigmas, away, scene, led)
 
 

@@ -32,7 +32,17 @@ def run(work: Work) -> dict[str, Any]:
     start, predicted = pose_in(work.place("pose")), pose_in(work.place("predicted"))
     scene, sources = scene_of(work), work.inputs["pose_sources"]
     distortion = distortion_near(known, scene, start)
-    correction = find_pose_jointly(observation, start, predicted, sources, scene, settings, work.progress, distortion)
+    correction = find_pose_jointly(
+        observation,
+        start,
+        predicted,
+        sources,
+        scene,
+        settings,
+        work.progress,
+        distortion,
+        work.inputs.get("markings_match", True),
+    )
     result = plain_correction(correction)
     told = correction.evidence["bending"]
     if told is None:

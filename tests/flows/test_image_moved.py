@@ -54,3 +54,15 @@ def test_later_steps_get_the_displaced_image_and_its_bending_is_told_once(tmp_pa
     assert seen[2] == chain.key("joint-2")  # the fake one moves its image, too
     assert basemap["undistort"] == chain.folder("joint-2")
     assert bending[1] is None
+
+
+@pytest.mark.parametrize("doubt", [None, "markings-do-not-match: at 2 % of the places only."])
+def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Path, doubt: str | None) -> None:
+    from flows.image import markings_match
+
+    evidence = {"doubt": doubt} if doubt else {}
+    request = Request(image=tmp_path / "a.img", cache=tmp_path, profile=Profile.model_validate(PROFILE))
+    chain = Chain(request, lambda step: Record(step.name, step.key, step.code, {}, {"evidence": evidence}, 0.0, "now"))
+    assert markings_match(chain)
+    chain.do("attitude-1", "tasks.attitude.step", {}, {})
+    assert markings_match(chain) == (doubt is None)

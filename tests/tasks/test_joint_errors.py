@@ -6,9 +6,9 @@ import pytest
 from catalog.target import find_target
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
-from tasks.joint.parameters import OFFSET, PSF, RANGE, State
+from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale
-from tasks.joint.uncertainty import of_the_body
+from tasks.joint.uncertainty import of_the_body, with_attitude_of
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.simulate.plant import planted, pose_error
 
@@ -24,6 +24,24 @@ def test_radius_and_relief_of_the_body_are_errors_of_range_and_centre() -> None:
     assert np.sqrt(of_the_body(pluto, 400.0)[RANGE, RANGE]) == pytest.approx(1.6 / 1188.3)
     unknown = europa.model_copy(update={"radius_sigma_km": None, "relief_km": None})
     assert not of_the_body(unknown, 100.0).any()
+
+
+def test_where_markings_are_not_the_map_s_the_attitude_is_known_by_its_prior_alone() -> None:
+    draws = np.random.default_rng(5).normal(size=(8, 30)) * np.array([[0.05, 0.05, 4e-4, 0.3, 0.4, 0.4, 0.4, 0.1]]).T
+    covariance = draws @ draws.T / 30
+    priors = np.array([np.inf, np.inf, np.inf, 0.1, 3.0, 3.0, 0.01, 0.25])
+    wider = with_attitude_of(covariance, priors)
+    turn = np.sqrt(np.diag(wider)[ATTITUDE])
+    assert turn[:2] == pytest.approx([3.0, 3.0])
+    assert turn[2] == pytest.approx(np.sqrt(covariance[6, 6]))  # not better known than before, either
+    assert (np.diag(wider) >= np.diag(covariance)).all()
+    assert np.linalg.eigvalsh(wider).min() > 0
+    # What does not go with the attitude is as sure as before: the centre when the attitude is given.
+    given = [c[:2, :2] - c[:2, 4:7] @ np.linalg.inv(c[4:7, 4:7]) @ c[4:7, :2] for c in (covariance, wider)]
+    assert given[1] == pytest.approx(given[0])
+    held = covariance.copy()
+    held[ATTITUDE, :] = held[:, ATTITUDE] = 0
+    assert np.array_equal(with_attitude_of(held, priors), held)
 
 
 def test_an_orientation_from_a_file_leaves_the_kernels_range_as_sure_as_it_is() -> None:
