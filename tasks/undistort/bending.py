@@ -9,6 +9,7 @@ fitted separately, five frames of three cameras give 0.040 +- 0.002, 0.034 +- 0.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,7 @@ class BendingField:
             axis=1,
         )
 
+    @cached_property
     def planes(self) -> NDArray[np.float32]:
         """The pull itself (2, ny, nx) at the pixel centres."""
         rows, columns = self.towards.shape[1:]

@@ -53,7 +53,7 @@ def bending_error_planes(model: DistortionModel) -> Plane | None:
     at_x, at_y, _ = raw_places(model)
     moved = [
         cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for plane in model.field.planes()
+        for plane in model.field.planes
     ]
 
     def absorbed(xy: Array) -> Array:
@@ -139,7 +139,7 @@ def _bent(model: BentModel) -> Array:
 
     unbent = _places(model.smooth_part)
     along_y, along_x = np.gradient(unbent, axis=(0, 1))
-    pull = model.field.planes() * np.float32(model.px_per_dn)
+    pull = model.field.planes * np.float32(model.px_per_dn)
     places = unbent
     for _ in range(BENDING_STEPS):
         map_x, map_y = (np.ascontiguousarray(places[..., axis], np.float32) for axis in range(2))

@@ -38,7 +38,7 @@ def world() -> World:
     camera = small_camera(110.0, (160, 160)).model_copy(update={"centre_px": (79.5, 79.5)})
     scene, truth = scene_of(camera), true_pose(camera)
     seen = observation_of(scene, truth)
-    return scene, truth, seen, bending_field(seen, 255.0).planes() * np.float32(SPREAD_PX_PER_DN)
+    return scene, truth, seen, bending_field(seen, 255.0).planes * np.float32(SPREAD_PX_PER_DN)
 
 
 @pytest.mark.parametrize("strength", [-1.5, 1.5])
