@@ -57,7 +57,8 @@ class Frame:
     camera, target: catalog names, None when the file does not say. et: mid-exposure, None when unknown.
     label_pose: the parts of the pose that the label knows outright (LORRI). label_geometry: the scalars from which a
     pose can be built (Galileo), see `catalog.label_geometry`. undistorted: the frame is already in the camera's
-    undistorted geometry (GEOMED). label: the flat label, for provenance.
+    undistorted geometry (GEOMED). label: the flat label, for provenance. overruled: what the label says otherwise than
+    the user, who is believed.
     """
 
     product: str
@@ -74,6 +75,7 @@ class Frame:
     label_pose: PartialPose = field(default_factory=PartialPose)
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
+    overruled: tuple[str, ...] = ()
 
     def replaced(self, **changes: Any) -> "Frame":
         """Copy with some fields replaced."""

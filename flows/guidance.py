@@ -12,13 +12,19 @@ REMEDY = "Give a product folder, its result.json, a pose file, or a folder with 
 
 
 def guidance_of(request: Request) -> dict[str, Any]:
-    """What the result says of it: plain JSON, None or empty for what was not used."""
+    """What the result says of the request's: plain JSON, None or empty for what was not used."""
     return {
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
         "mask": str(request.mask) if request.mask else None,
         "resumed_from": str(request.resume) if request.resume else None,
     }
+
+
+def overruled_of(frame: dict[str, Any] | None) -> dict[str, Any]:
+    """What the result says of the label that camera or target of the user contradict; `frame` is that of the step
+    `ingest`, None when it did not come so far."""
+    return {"overruled": list((frame or {}).get("overruled", []))}
 
 
 def is_started_elsewhere(request: Request) -> bool:

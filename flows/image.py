@@ -11,7 +11,7 @@ from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
-from flows.guidance import guidance_of, is_started_elsewhere, pose_to_resume
+from flows.guidance import guidance_of, is_started_elsewhere, overruled_of, pose_to_resume
 from flows.profile import CORRECTIONS
 from flows.request import (
     basemap_inputs,
@@ -23,7 +23,7 @@ from flows.request import (
 )
 from flows.result import result_of
 from flows.settling import settled
-from flows.verdict import believe, explained
+from flows.verdict import believe, explained, reminded
 from tasks.correction import IMAGE_MOVED
 
 STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
@@ -32,6 +32,14 @@ STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", 
 def correct_image(chain: Chain) -> None:
     """Do every step for the chain's request. Raises RefusedError or FailedError when a step or the verdict does."""
     frame = ingest(chain)
+    try:
+        correct_frame(chain, frame)
+    except PlanetposeError as error:
+        raise reminded(error, overruled_of(frame)["overruled"]) from error
+
+
+def correct_frame(chain: Chain, frame: dict[str, Any]) -> None:
+    """Every step after `ingest`, whose result `frame` is."""
     predicted = pose(chain, frame)
     undistort(chain, frame)
     scene, basemap = scene_inputs(chain, frame, predicted)
@@ -209,7 +217,7 @@ def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str,
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "profile": request.profile.resolved(),
-        "guidance": guidance_of(request),
+        "guidance": guidance_of(request) | overruled_of(chain.result("ingest")),
     }
     places = basemap | {
         "pose": chain.folder(latest),

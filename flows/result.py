@@ -6,7 +6,7 @@ from typing import Any
 
 from catalog.errors import PlanetposeError
 from flows.chain import Chain
-from flows.guidance import guidance_of
+from flows.guidance import guidance_of, overruled_of
 from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
 
@@ -19,7 +19,7 @@ EMPTY: dict[str, Any] = {
     "utc": None,
     "pose_source": None,
     "profile": None,
-    "guidance": {"start_offset_px": None, "held": [], "mask": None, "resumed_from": None},
+    "guidance": {"start_offset_px": None, "held": [], "mask": None, "resumed_from": None, "overruled": []},
     "centre_px": None,
     "offset_px": None,
     "range_factor": None,
@@ -52,7 +52,7 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
     result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
-    result["guidance"] = guidance_of(chain.request)
+    result["guidance"] = guidance_of(chain.request) | overruled_of(chain.result("ingest"))
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)

@@ -6,6 +6,7 @@ import numpy as np
 
 from catalog.errors import FailedError, PlanetposeError
 from catalog.pose import Pose
+from catalog.readers.overruled import reminder
 from flows.chain import Chain
 from flows.profile import AcceptSettings
 
@@ -89,3 +90,10 @@ def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeEr
         f"turned to it, {error.fault}",
         "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km.",
     )
+
+
+def reminded(error: PlanetposeError, overruled: list[str]) -> PlanetposeError:
+    """The failure of an image whose label says otherwise than the user: what fails then mostly misleads."""
+    if not overruled or error.code == "interrupted":
+        return error
+    return type(error)(error.code, error.fault, f"{reminder(overruled)}{error.remedy}".strip())

@@ -13,6 +13,7 @@ from catalog.observation import UNUSABLE, Frame, Observation, Quality
 from catalog.pose import PartialPose
 from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
+from catalog.readers.overruled import overruled_label, reminder
 from catalog.readers.reading import Reading
 from catalog.safe_name import safe_product_name
 
@@ -26,8 +27,9 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     camera = find_camera(name) if name else None
     target = target_of_label(target_name) if target_name else reading.target
     same_target = target_name is None or target == reading.target
+    overruled = overruled_label(reading, camera if camera_name else None, target if target_name else None)
     if camera is not None:
-        _check_size(path, reading, camera)
+        _check_size(path, reading, camera, overruled)
         reading = _in_its_units(reading, camera)
     return Frame(
         product=safe_product_name(path.stem),
@@ -44,6 +46,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         label_pose=reading.label_pose if same_target else _without_target(reading.label_pose),
         label_geometry=reading.label_geometry if same_target else None,
         label=reading.label,
+        overruled=overruled,
     )
 
 
@@ -56,14 +59,15 @@ def _without_target(pose: PartialPose) -> PartialPose:
     return PartialPose(et=pose.et, camera_from_j2000=pose.camera_from_j2000)
 
 
-def _check_size(path: Path, reading: Reading, camera: Camera) -> None:
+def _check_size(path: Path, reading: Reading, camera: Camera, overruled: tuple[str, ...]) -> None:
     lines, samples = reading.image.shape
     if (samples, lines) not in (camera.detector_size_px, camera.size_px):
         allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((camera.detector_size_px, camera.size_px)))
         raise RefusedError(
             "frame-size",
             f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
-            "Give a full, unbinned frame; a summed or cut mode is a camera of its own: give its --camera FILE.toml.",
+            reminder(overruled)
+            + "Give a full, unbinned frame; a summed or cut mode is a camera of its own: give its --camera FILE.toml.",
         )
 
 

@@ -85,6 +85,14 @@ def correct(
         for file in files
     ]
     log_to_stderr()
+
+    def tell(result: dict[str, Any]) -> None:
+        warn(result)
+        if json:
+            write_json(answer, result)
+        else:
+            print(one_line(result), file=answer, flush=True)
+
     with clean_stdout() as answer, reporter(len(files), chosen.passes * 3 + 5, quiet) as told:
         at_a_time = workers or min(len(files), os.cpu_count() or 1)
         results = run_requests(
@@ -92,7 +100,7 @@ def correct(
             server_choice(server),
             at_a_time,
             told,
-            lambda result: write_json(answer, result) if json else print(one_line(result), file=answer, flush=True),
+            tell,
         )
     if not quiet and (len(results) > 1 or results[0]["status"] == "doubtful"):
         print(tally(results), file=sys.stderr)
@@ -157,6 +165,12 @@ def two_numbers(text: str | None) -> tuple[float, float] | None:
     if not isfinite(x) or not isfinite(y):
         raise typer.BadParameter(f"{text!r} is not finite.", param_hint="--start-offset")
     return x, y
+
+
+def warn(result: dict[str, Any]) -> None:
+    """One line on stderr for each thing that the label says otherwise than the user."""
+    for sentence in result["guidance"]["overruled"]:
+        print(f"planetpose: {result['product']}: {sentence}", file=sys.stderr, flush=True)
 
 
 def one_line(result: dict[str, Any]) -> str:

@@ -94,6 +94,8 @@ def do(request: Request, voice: Voice) -> None:
         chain = Chain(request, lambda step: measured(step, voice, metrics))
         error = correct(chain)
         result = result_of(chain, error)
+        for sentence in result["guidance"]["overruled"]:
+            logger.warning("%s: %s", request.product, sentence)
     give_back()
     voice.say(
         "end",

@@ -35,6 +35,7 @@ def run(work: Work) -> dict[str, Any]:
         "filter": frame.filter,
         "undistorted": frame.undistorted,
         "label": printable_label(frame),
+        "overruled": list(frame.overruled),
     }
 
 

@@ -1,5 +1,6 @@
 """What the readers make of sound files; all of them are made here."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -200,6 +201,43 @@ def test_the_noise_of_a_picture_is_measured(tmp_path: Path) -> None:
     disk = np.where(np.hypot(x - 150, y - 150) < 100, 100 + 0.3 * x, 10)
     Image.fromarray((disk + RNG.normal(0, 3, disk.shape)).astype(np.float32)).save(tmp_path / "a.tif")
     assert read_frame(tmp_path / "a.tif").observation.noise[0, 0] == pytest.approx(3, rel=0.03)
+
+
+def camera_file(path: Path, **content: Any) -> str:
+    """A camera file of the size of Galileo's; content: what else it says."""
+    lines = {"name": "mine", "size_px": [800, 800], "centre_px": [399.5, 399.5], "focal_length_px": 98500.0} | content
+    path.write_text("".join(f"{key} = {json.dumps(value)}\n" for key, value in lines.items()))
+    return str(path)
+
+
+def test_a_camera_or_target_that_contradicts_the_label_is_told(tmp_path: Path) -> None:
+    path = fits_file(tmp_path / "a.fits", ("", np.ones((800, 800), np.uint8)), CAMERA="galileo-ssi", TARGET="EUROPA")
+    frame = read_frame(path, camera="voyager1-nac", target="io")
+    assert (frame.camera, frame.target) == ("voyager1-nac", "io")
+    assert frame.overruled == (
+        "the label says camera galileo-ssi, --camera voyager1-nac is used",
+        "the label says target europa, --target io is used",
+    )
+    other = read_frame(path, camera=camera_file(tmp_path / "other.toml", naif_instrument_id=-31101))
+    assert other.overruled == ("the label says camera galileo-ssi, --camera mine is used",)
+
+
+def test_who_names_the_same_instrument_or_what_the_label_does_not_say_is_not_bothered(tmp_path: Path) -> None:
+    image = ("", np.ones((800, 800), np.uint8))
+    path = fits_file(tmp_path / "a.fits", image, CAMERA="galileo-ssi", TARGET="EUROPA")
+    refined: tuple[dict[str, Any], ...] = (
+        {}, {"name": "galileo-ssi"}, {"naif_instrument_id": -77036}, {"label_names": ["Galileo/SSI"]},
+    )  # fmt: skip
+    cameras = [camera_file(tmp_path / f"{n}.toml", **content) for n, content in enumerate(refined)]
+    for camera in (None, "galileo-ssi", "Galileo-SSI", *cameras):
+        assert read_frame(path, camera, "502").overruled == (), camera
+    assert read_frame(fits_file(tmp_path / "b.fits", image), "voyager1-nac", "io").overruled == ()
+
+
+def test_a_frame_that_has_not_the_size_of_another_camera_than_its_label_s_is_refused_saying_so(tmp_path: Path) -> None:
+    path = fits_file(tmp_path / "a.fits", ("", np.ones((800, 800), np.uint8)), CAMERA="galileo-ssi")
+    with pytest.raises(RefusedError, match="First of all: the label says camera galileo-ssi, --camera newhorizons"):
+        read_frame(path, camera="newhorizons-lorri")
 
 
 def test_a_frame_of_the_wrong_size_is_refused_with_both_sizes(tmp_path: Path) -> None:

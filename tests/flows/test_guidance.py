@@ -20,10 +20,12 @@ from catalog.mask import masked, read_mask
 from catalog.observation import Observation, Quality
 from flows.cli import build_app
 from flows.cli.adjust import adjust
+from flows.cli.correct import warn
 from flows.correct import one_result
 from flows.profile import Profile, find_profile
 from flows.progress import Silent
 from flows.request import Request
+from tasks.publish.cube import open_cube
 from tasks.step import run
 from tasks.stored import load_observation
 
@@ -235,3 +237,19 @@ def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     assert result["roll_deg"] == pytest.approx(image["roll_deg"], abs=1e-3)  # the roll that was resumed and held
     assert result["attitude_deg"] == pytest.approx(image["attitude_deg"], abs=1e-3)
     assert result["centre_px"] == pytest.approx(TRUE_CENTRE_PX, abs=0.1)
+
+
+def test_a_label_that_names_another_target_is_told_on_stderr_in_result_and_provenance(
+    correct: Correct, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    labelled = tmp_path / "here" / "labelled.fits"
+    with Image.open(tmp_path / "here" / "small.png") as picture:
+        fits.writeto(labelled, np.asarray(picture), fits.Header({"TARGET": "IO"}))
+    result = correct(image="labelled.fits")
+    told = "the label says target io, --target europa is used"
+    assert result["status"] in ("ok", "doubtful"), result["reason"]
+    assert result["guidance"]["overruled"] == [told]
+    with open_cube(Path(result["cube"])) as cube:
+        assert json.loads(cube.attrs["provenance"])["guidance"]["overruled"] == [told]
+    warn(result)
+    assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {told}"

@@ -7,7 +7,7 @@ from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import AcceptSettings
-from flows.verdict import believe, doubtful_limb, explained
+from flows.verdict import believe, doubtful_limb, explained, reminded
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = {"rms_px": None, "points": 3, "tried": 40, "likeness": 0.95}
@@ -40,6 +40,14 @@ def test_a_failure_with_the_target_in_front_keeps_its_reason(degrees: float) -> 
 def test_what_says_more_than_the_side_of_the_camera_is_kept(code: str) -> None:
     error = FailedError(code, "so it is.", "Check.")
     assert explained(error, turned(170).to_dict()) is error
+
+
+def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -> None:
+    error = FailedError("range-out-of-bounds", "it is 1.06.", "Check range.")
+    assert reminded(error, []) is error
+    told = reminded(error, ["the label says camera galileo-ssi, --camera voyager1-nac is used"])
+    assert (type(told), told.code, told.fault) == (FailedError, error.code, error.fault)
+    assert told.remedy == "First of all: the label says camera galileo-ssi, --camera voyager1-nac is used. Check range."
 
 
 def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
