@@ -29,9 +29,11 @@ def kernels(
 
     from catalog.errors import RefusedError
     from catalog.settings import default_kernels
+    from flows.cli.correct import usable_kernels
     from flows.cli.output import clean_stdout, write_json
     from flows.kernels import kernels_of
 
+    usable_kernels(kernels or [])
     given = [] if no_kernels else list(kernels) if kernels else default_kernels()
     damaged: list[Path] = []
 

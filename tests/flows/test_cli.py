@@ -269,6 +269,16 @@ def test_wrong_usage_ends_with_2_and_an_empty_stdout(tmp_path: Path, arguments: 
     assert done.stderr
 
 
+@pytest.mark.parametrize(
+    "arguments", [["correct", "a.png"], ["reprocess", "europa57", "--dry-run"], ["kernels", "out"]]
+)
+def test_a_folder_without_kernels_is_wrong_usage_of_every_command(tmp_path: Path, arguments: list[str]) -> None:
+    (tmp_path / "empty").mkdir()
+    done = command(tmp_path, tmp_path / "state", *arguments, "--kernels", "empty", COLUMNS="400")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "the folder empty holds no kernel" in done.stderr
+
+
 def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: Path) -> None:
     """The same image, cache and store: they also meet at every key and at the product."""
     state = here / "state"
