@@ -20,6 +20,7 @@ from flows.defaults import DEFAULT_PROFILE
 from flows.reprocessing.image_task import audience, image_task
 from flows.reprocessing.one_image import job_of
 from flows.reprocessing.parameters import settings_of
+from flows.reprocessing.planning import plans_in_words
 from flows.reprocessing.report import ProgressBar, publish_report
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
 from flows.reprocessing.settings import Settings
@@ -85,7 +86,7 @@ def dry(settings: Settings) -> State[Summary]:
     for product, why in wanted.items():
         get_run_logger().info("%s: %s", product, why)
     summary = {"images": len(plans), "would_do": wanted}
-    return Completed(message=f"{len(wanted)} of {len(plans)} images would be done", data=summary)
+    return Completed(message=plans_in_words(plans), data=summary)
 
 
 def work_through(run: Run) -> None:

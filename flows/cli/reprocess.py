@@ -105,6 +105,7 @@ def tell_plan(settings: "Settings", answer: object, json: bool) -> None:
     from typing import TextIO, cast
 
     from flows.cli.output import write_json
+    from flows.reprocessing.planning import plans_in_words
     from flows.reprocessing.run import planned
 
     stream = cast(TextIO, answer)
@@ -115,5 +116,4 @@ def tell_plan(settings: "Settings", answer: object, json: bool) -> None:
         elif plan.do:
             print(f"{plan.request.product}: {plan.why}", file=stream)
     if not json:
-        wanted = sum(plan.do for plan in plans)
-        print(f"{wanted} of {len(plans)} images would be done", file=stream)
+        print(plans_in_words(plans), file=stream)

@@ -1,5 +1,6 @@
 """What has to be done for an image, and why."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,7 +37,7 @@ def plan_of(request: Request, settings: Settings) -> Plan:
 def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint, last: Outcome | None) -> str | None:
     """Why an image has to be done; None when it has not."""
     if last is None:
-        return "new"
+        return "new" if request.image.exists() else "missing"
     changes = differences(last.fingerprint, fingerprint)
     if changes:
         return f"changed: {in_words(changes)}"
@@ -87,3 +88,11 @@ def has_content(path: Path) -> bool:
         return path.stat().st_size > 0
     except OSError:
         return False
+
+
+def plans_in_words(plans: Sequence[Plan]) -> str:
+    """How many images would be done, and of how many of them the file is not there."""
+    wanted = [plan for plan in plans if plan.do]
+    missing = sum(not plan.request.image.exists() for plan in wanted)
+    words = f"{len(wanted)} of {len(plans)} images would be done"
+    return f"{words}; the files of {missing} are missing (--fetch gets those with an address)" if missing else words

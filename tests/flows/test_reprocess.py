@@ -19,6 +19,7 @@ from flows.reprocessing import command
 from flows.reprocessing.fingerprint import differences
 from flows.reprocessing.outcomes import read_outcome, write_outcome
 from flows.reprocessing.parameters import parameters_of, settings_of
+from flows.reprocessing.planning import plans_in_words
 from flows.reprocessing.run import begin, planned
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
@@ -191,6 +192,18 @@ def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any
         assert status_of(settings.store, plan=False)["stale"] == [GOOD[0]]
     finally:
         write_outcome(settings.books, known)
+
+
+def test_an_image_whose_file_is_not_there_is_planned_as_missing_and_counted(
+    settings: Settings, archive: Path, tmp_path: Path
+) -> None:
+    rows = (archive / LIST).read_text().splitlines()
+    (archive / "absent.csv").write_text("\n".join([*rows[:3], rows[3].replace(f"{BAD}.png", "absent.png")]) + "\n")
+    absent = settings.model_copy(update={"images": str(archive / "absent.csv"), "store": tmp_path / "store"})
+    assert wanted(absent) == dict.fromkeys(GOOD, "new") | {BAD: "missing"}
+    told = "3 of 3 images would be done; the files of 1 are missing (--fetch gets those with an address)"
+    assert plans_in_words(planned(absent)[1]) == told
+    assert plans_in_words(planned(settings.model_copy(update={"store": tmp_path}))[1]) == told.partition(";")[0]
 
 
 def test_parameters_travel_as_json_and_come_back(settings: Settings) -> None:
