@@ -6,10 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from catalog.camera import find_camera
+import numpy as np
+
+from catalog.camera import Camera, find_camera
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.pose import Pose, read_pose_file
-from catalog.target import find_target
+from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.correct import one_result
 from flows.image import correct_image
@@ -17,7 +19,10 @@ from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request
 from flows.simulate import MANIFEST, read_manifest
+from tasks.joint.parameters import OFFSET, RANGE
+from tasks.joint.uncertainty import of_the_body
 from tasks.record import Record
+from tasks.simulate.window import disk_radius_px
 from tasks.step import run
 from tasks.synthetic.assess import Assessment, assess, in_sigmas
 
@@ -94,7 +99,7 @@ def evaluate_image(job: Job) -> Row:
     product, camera, profile, status, reason, code (the reason's first word). truth: what images.csv says was planted.
     steps: for each step that ends with a pose, `pose` being the predicted one, its `Assessment` and seconds. before,
     after: of the predicted and of the published pose (None without one). uncertainty: as in the result; sigmas: errors
-    in its units. seconds: per step.
+    in its units, without what simulated images lack (see `not_simulated`). seconds: per step.
     """
     request = job.request
     result = one_result(request, Silent(), run_step=run)
@@ -122,10 +127,25 @@ def evaluate_image(job: Job) -> Row:
         "before": steps.get("pose"),
         "after": after.to_dict() if after else None,
         "uncertainty": result["uncertainty"],
-        "sigmas": in_sigmas(after, result["uncertainty"]) if after else None,
+        "sigmas": in_sigmas(after, result["uncertainty"], not_simulated(job.profile, truth, camera, target))
+        if after
+        else None,
         "limb_rms_px": result["limb_rms_px"],
         "steps": steps,
         "seconds": result["seconds"],
+    }
+
+
+def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target) -> dict[str, float]:
+    """1-sigma of what the joint step's errors allow for and simulated images do not have: errors of the body's radius
+    and its relief, and of the frame of the map (the other map's own is taken out). By keys of `uncertainty`."""
+    if "joint" not in profile.steps:
+        return {}
+    body = np.sqrt(np.diag(of_the_body(target, disk_radius_px(truth, camera, target))))
+    return {
+        "centre_px": float(body[OFFSET][0]),
+        "range_factor": float(body[RANGE]),
+        "attitude_deg": profile.joint.systematic.map_frame_deg,
     }
 
 

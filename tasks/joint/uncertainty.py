@@ -62,7 +62,7 @@ def systematic(settings: SystematicSettings, radius_px: float, distortion_px: fl
     sigma = np.zeros(MOVING)
     sigma[OFFSET] = np.hypot(settings.centre_px, shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px, shared_px) / radius_px
-    sigma[ATTITUDE] = settings.attitude_deg
+    sigma[ATTITUDE] = np.hypot(settings.attitude_deg, settings.map_frame_deg)
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
 

@@ -1,5 +1,6 @@
 """How far a pose is from the truth, and whether its stated uncertainties say so."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from catalog.target import Target
 from tasks.simulate.plant import pose_error
 
 Array = NDArray[np.float64]
+LEAST_SHARE = 0.2
 
 
 @dataclass(frozen=True)
@@ -55,21 +57,23 @@ def assess(pose: Pose, truth: Pose, camera: Camera, target: Target) -> Assessmen
     )
 
 
-def in_sigmas(found: Assessment, uncertainty: dict[str, Any]) -> dict[str, list[float] | None]:
+def in_sigmas(
+    found: Assessment, uncertainty: Mapping[str, Any], not_simulated: Mapping[str, Any] | None = None
+) -> dict[str, list[float] | None]:
     """Errors of centre, range and attitude in units of the stated 1-sigma (keys of a result's `uncertainty`), component
-    by component; None where no uncertainty is stated."""
-    given = {
-        "centre_px": (found.centre_px, uncertainty.get("centre_px")),
-        "range_factor": ((found.range_error,), uncertainty.get("range_factor")),
-        "attitude_deg": (found.attitude_deg, uncertainty.get("attitude_deg")),
-    }
-    return {name: _ratios(errors, sigmas) for name, (errors, sigmas) in given.items()}
+    by component; None where no uncertainty is stated. not_simulated: 1-sigma, by the same keys, of what the stated ones
+    allow for and simulated images do not have; it is taken out of them."""
+    errors = {"centre_px": found.centre_px, "range_factor": (found.range_error,), "attitude_deg": found.attitude_deg}
+    lacking = not_simulated or {}
+    return {name: _ratios(error, uncertainty.get(name), lacking.get(name, 0.0)) for name, error in errors.items()}
 
 
-def _ratios(errors: tuple[float, ...], sigmas: Any) -> list[float] | None:
+def _ratios(errors: tuple[float, ...], sigmas: Any, lacking: Any) -> list[float] | None:
     if sigmas is None:
         return None
     each = np.atleast_1d(np.asarray(sigmas, dtype=np.float64))
     if each.shape != (len(errors),) or not (np.isfinite(each) & (each > 0)).all():
         return None
+    # What is left of a sigma is never nothing: a stated error may be known better than what it allows for.
+    each = np.sqrt(np.maximum(each**2 - np.square(lacking), (LEAST_SHARE * each) ** 2))
     return [float(error / sigma) for error, sigma in zip(errors, each, strict=True)]

@@ -52,8 +52,7 @@ def bending_error_planes(model: DistortionModel) -> Plane | None:
         return None
     at_x, at_y, _ = raw_places(model)
     moved = [
-        cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        for plane in model.field.planes
+        cv2.remap(plane, at_x, at_y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for plane in model.field.planes
     ]
 
     def absorbed(xy: Array) -> Array:

@@ -86,6 +86,29 @@ def test_what_claims_to_be_right_and_is_not_is_counted_and_shown(rows: list[dict
     assert "C                failed, no pose: no-limb: because." in table
 
 
+def test_what_simulated_images_lack_is_taken_out_of_the_stated_errors() -> None:
+    from catalog.pose import Pose
+    from flows.evaluate import not_simulated
+    from tasks.paper.small_world import EUROPA, small_camera, true_pose
+    from tasks.synthetic.assess import assess, in_sigmas
+
+    camera = small_camera(200.0)
+    truth: Pose = true_pose(camera)
+    lacking = not_simulated(find_profile("joint"), truth, camera, EUROPA)
+    assert lacking["range_factor"] == pytest.approx(np.hypot(0.3 / 1560.8, 0.32 / 1560.8 / 3), rel=0.01)
+    assert lacking["attitude_deg"] == find_profile("joint").joint.systematic.map_frame_deg
+    assert not_simulated(find_profile("standard"), truth, camera, EUROPA) == {}
+    stated = {"centre_px": [0.05, 0.04], "range_factor": 5e-4, "attitude_deg": [0.2, 0.2, 0.14]}
+    found = assess(
+        truth.replaced(target_from_spacecraft_km=truth.target_from_spacecraft_km * 1.0003), truth, camera, EUROPA
+    )
+    whole, without = in_sigmas(found, stated), in_sigmas(found, stated, lacking)
+    assert whole["range_factor"] == pytest.approx([0.6], rel=0.01)
+    assert without["range_factor"] == pytest.approx([3e-4 / np.sqrt(5e-4**2 - lacking["range_factor"] ** 2)], rel=0.01)
+    # Nothing would be left of the last one; a fifth of it stays.
+    assert in_sigmas(assess(truth, truth, camera, EUROPA), stated, lacking)["attitude_deg"] == [0, 0, 0]
+
+
 def test_distributions() -> None:
     assert distribution([]) is None
     assert distribution([1.0, 2.0, 6.0]) == {"median": 2.0, "mean": 3.0, "p90": pytest.approx(5.2), "largest": 6.0}
