@@ -16,7 +16,7 @@ from catalog.readers.noise import measured_noise
 from catalog.target import Target
 from tasks.compare.limb_edges import LimbSettings
 from tasks.publish.cube import open_cube
-from tasks.publish.product import CUBE
+from tasks.publish.product import CUBE, no_cube_in
 from tasks.simulate import Scene, SceneSettings
 
 if TYPE_CHECKING:
@@ -64,11 +64,7 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
 def opened_cube(folder: Path) -> "xr.Dataset":
     """The cube of a product folder, lazy; to be closed. Raises RefusedError when the folder holds none."""
     if not (Path(folder) / CUBE).is_dir():
-        raise RefusedError(
-            "product-missing",
-            f"{folder} holds no {CUBE}.",
-            "Give a product folder, as written by `planetpose correct`.",
-        )
+        raise no_cube_in(Path(folder))
     return open_cube(Path(folder) / CUBE)
 
 

@@ -15,6 +15,8 @@ from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.publish.overlay import draw_overlay
 from tasks.publish.publication import Publication
 
+SHOWN_PRODUCTS = 5
+
 
 def publish(publication: Publication, store: Path) -> Path:
     """Write `store`/`product` so that a reader sees the old one, or the whole new one, and return its path.
@@ -46,11 +48,7 @@ def redraw_overlay(folder: Path) -> Path:
     """
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
-        raise RefusedError(
-            "product-missing",
-            f"{folder} holds no {CUBE}.",
-            "Give a product folder, as written by `planetpose correct`.",
-        )
+        raise no_cube_in(folder)
     with open_cube(folder / CUBE) as cube:
         attributes = {key: _loaded(value) for key, value in cube.attrs.items()}
         image = cube["resampled_image" if "resampled_image" in cube else "image"].values
@@ -62,6 +60,17 @@ def redraw_overlay(folder: Path) -> Path:
     draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption)
     refresh_checksum(folder, OVERLAY)
     return folder / OVERLAY
+
+
+def no_cube_in(folder: Path) -> RefusedError:
+    """The refusal of a folder without a cube; of a store it names products."""
+    products = sorted(cube.parent.name for cube in Path(folder).glob(f"[!.]*/{CUBE}"))
+    if not products:
+        remedy = "Give a product folder, as written by `planetpose correct`."
+        return RefusedError("product-missing", f"{folder} holds no {CUBE}.", remedy)
+    named = ", ".join(products[:SHOWN_PRODUCTS]) + (" ..." if len(products) > SHOWN_PRODUCTS else "")
+    fault = f"{folder} holds no {CUBE}, it is a store with {len(products)} product{'s' if len(products) > 1 else ''} ({named})."
+    return RefusedError("product-missing", fault, f"Give one of them: {Path(folder) / products[0]}.")
 
 
 def _result_of(folder: Path) -> dict[str, Any]:

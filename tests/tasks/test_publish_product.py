@@ -14,6 +14,7 @@ from catalog.errors import RefusedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.pictures.redraw import draw_planes
 from tasks.project.curves import limb_points
 from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
@@ -148,8 +149,18 @@ def test_a_picture_is_drawn_again_from_the_cube_alone(tmp_path):
     before = (folder / "overlay.png").read_bytes()
     (folder / "overlay.png").unlink()
     assert redraw_overlay(folder).read_bytes() == before
-    with pytest.raises(RefusedError, match=r"holds no cube\.zarr"):
+
+
+def test_a_store_in_place_of_a_product_is_refused_naming_the_first_of_its_products(tmp_path):
+    with pytest.raises(RefusedError, match=r"holds no cube\.zarr\. Give a product folder"):
         redraw_overlay(tmp_path)
+    for number in range(7):
+        (tmp_path / f"C{number}" / "cube.zarr").mkdir(parents=True)
+    (tmp_path / ".hidden" / "cube.zarr").mkdir(parents=True)
+    for draw in (redraw_overlay, draw_planes):
+        with pytest.raises(RefusedError, match=r"7 products \(C0, C1, C2, C3, C4 \.\.\.\)") as refusal:
+            draw(tmp_path)
+        assert refusal.value.remedy == f"Give one of them: {tmp_path / 'C0'}."
 
 
 def test_the_close_up_holds_the_whole_disk_and_both_limbs_when_near():
