@@ -35,12 +35,20 @@ def status(
 
 def lines_of(found: dict[str, Any]) -> list[str]:
     """The status for people."""
+    by_hand = len(found["not_remembered"])
+    products = f"{by_hand} product{'s' if by_hand > 1 else ''}"
+    if by_hand and not found["images"] and not found["runs"]:
+        return [
+            f"{found['store']}: {products}, published by `planetpose correct`",
+            f"  `planetpose index {found['store']}` lists what they show, `planetpose check` whether they are sound.",
+            "  How runs went is told of `planetpose reprocess`, which has not run here.",
+        ]
     lines = [f"{found['store']}: {found['images']} images"]
     for name, count in found["status"].items():
         reasons = ", ".join(f"{code} {times}" for code, times in found["reasons"].get(name, {}).items())
         lines.append(f"  {name:10s} {count:6d}" + (f"  {reasons}" if reasons else ""))
-    if found["not_remembered"]:
-        lines.append(f"  {len(found['not_remembered'])} products that no run knows (`planetpose correct` made them)")
+    if by_hand:
+        lines.append(f"  and {products} that `planetpose correct` published, outside the runs")
     if found["stale"]:
         lines.append(f"  {len(found['stale'])} products of earlier runs whose image was refused or failed since")
     if found["runs"]:

@@ -53,6 +53,14 @@ def test_export_prints_the_files_and_says_what_it_cannot_do(store, run, tmp_path
         run("export", store, "-f", "cog", "--projection", "mercator", "--out", tmp_path)
 
 
+def test_status_of_what_correct_published_says_so_and_not_that_nothing_worked(store, run):
+    status, lines = run("status", store)
+    assert status == 0
+    assert lines[0] == f"{store}: 1 product, published by `planetpose correct`"
+    assert f"planetpose index {store}" in lines[1]
+    assert json.loads(run("status", store, "--json")[1][0])["not_remembered"] == ["C0001"]
+
+
 def test_check_prints_one_line_per_fault_and_its_status_tells_soundness(store, run):
     assert run("check", store) == (0, [f"{store}/C0001: sound", "1 of 1 products sound"])
     (store / "C0001" / "overlay.png").unlink()
