@@ -69,7 +69,7 @@ def no_cube_in(folder: Path) -> RefusedError:
         remedy = "Give a product folder, as written by `planetpose correct`."
         return RefusedError("product-missing", f"{folder} holds no {CUBE}.", remedy)
     named = ", ".join(products[:SHOWN_PRODUCTS]) + (" ..." if len(products) > SHOWN_PRODUCTS else "")
-    fault = f"{folder} holds no {CUBE}, it is a store with {len(products)} product{'s' if len(products) > 1 else ''} ({named})."
+    fault = f"{folder} holds no {CUBE}: it is a store, with the products {named} ({len(products)} in all)."
     return RefusedError("product-missing", fault, f"Give one of them: {Path(folder) / products[0]}.")
 
 

@@ -158,7 +158,7 @@ def test_a_store_in_place_of_a_product_is_refused_naming_the_first_of_its_produc
         (tmp_path / f"C{number}" / "cube.zarr").mkdir(parents=True)
     (tmp_path / ".hidden" / "cube.zarr").mkdir(parents=True)
     for draw in (redraw_overlay, draw_planes):
-        with pytest.raises(RefusedError, match=r"7 products \(C0, C1, C2, C3, C4 \.\.\.\)") as refusal:
+        with pytest.raises(RefusedError, match=r"the products C0, C1, C2, C3, C4 \.\.\. \(7 in all\)") as refusal:
             draw(tmp_path)
         assert refusal.value.remedy == f"Give one of them: {tmp_path / 'C0'}."
 
