@@ -1,9 +1,10 @@
 """What an image list is: rows that say where an image is, what it shows, and what belongs to it."""
 
-from pathlib import Path
+import re
+from pathlib import Path, PurePosixPath
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from catalog.lists.kernel_sets import expanded
 from catalog.lists.location import Location, parse_location
@@ -15,11 +16,12 @@ SHA256 = r"^[0-9a-f]{64}$"
 class ImageEntry(BaseModel):
     """One image of a list.
 
-    product: name of its folder in a store. image, label: a path (relative to the list's folder), a URL, or
-    `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a camera may be a TOML file); None
-    asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the user's own. pose_file,
-    truth_file: pose files, as paths. basemap: a location; None takes the catalog's. utc: middle of the exposure.
-    sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name. notes: for people.
+    product: name of its folder in a store; the image file's without suffix by default. image, label: a path (relative
+    to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a
+    camera may be a TOML file); None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
+    user's own. pose_file, truth_file: pose files, as paths. basemap: a location; None takes the catalog's. utc: middle
+    of the exposure. sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name.
+    notes: for people.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
@@ -42,6 +44,14 @@ class ImageEntry(BaseModel):
     bytes: int | None = Field(default=None, gt=0)
     truth: dict[str, float | int | str | bool | None] = Field(default_factory=dict)
     notes: str = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_by_its_file(cls, content: Any) -> Any:
+        if not isinstance(content, dict):
+            return content
+        file = re.split(r"[/\\:]", str(content.get("image", "")).strip())[-1]
+        return {"product": safe_product_name(PurePosixPath(file).stem), **content}
 
     @field_validator("product")
     @classmethod

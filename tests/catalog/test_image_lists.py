@@ -16,6 +16,7 @@ from catalog.lists.kernel_sets import expanded, known_kernel_sets
 from catalog.lists.location import known_archives, parse_location
 from catalog.times import et_from_utc
 from flows.cli import build_app
+from flows.request import Request
 
 FULL = ImageEntry(
     product="C1",
@@ -68,7 +69,8 @@ def test_what_is_written_is_read_again(suffix: str, tmp_path: Path) -> None:
         ("product,image\na,naif:../../etc/passwd\n", "no path of a file inside its archive"),
         ("product,image\na,https://user:word@host/x\n", "no URL of a file"),
         ("product,image,colour\na,a.img,red\n", "colour: Extra inputs are not permitted"),
-        ("image\na.img\n", "product: Field required"),
+        ("target\neuropa\n", "image: Field required"),
+        ("image\na/x.img\nb/x.fits\n", "line 3: the same product as line 2"),
         ("product,product\na,b\n", "must name each column once"),
         ("", "must name each column once"),
         ('product,image\n"a,a.img\n', "cannot be read"),
@@ -82,6 +84,15 @@ def test_faults_name_the_file_the_row_and_the_remedy(text: str, words: str, tmp_
     assert words in refusal.value.fault
     assert "own.csv" in refusal.value.fault
     assert refusal.value.remedy
+
+
+def test_an_image_without_a_product_is_named_by_its_file(tmp_path: Path) -> None:
+    places = ("a.img", "raw/b 1.img", "naif:x/c.1.IMG", "https://host/d.fits")
+    (tmp_path / "own.csv").write_text("\n".join(["image", *places]) + "\n")
+    names = [entry.product for entry in load_image_list(tmp_path / "own.csv").entries]
+    assert names == ["a", Request(image=tmp_path / "b 1.img").product, "c.1", "d"]
+    (tmp_path / "some.toml").write_text('[[image]]\nimage = "a.img"\n[[image]]\nproduct = "B"\nimage = "b.img"\n')
+    assert [entry.product for entry in load_image_list(tmp_path / "some.toml").entries] == ["a", "B"]
 
 
 def test_a_list_of_nothing_known_is_refused(tmp_path: Path) -> None:
