@@ -9,6 +9,7 @@ from flows.chain import Chain
 from flows.guidance import guidance_of, overruled_of
 from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
+from tasks.atomic import without_temporaries
 
 EMPTY: dict[str, Any] = {
     "product": None,
@@ -75,7 +76,7 @@ def file_trouble(error: OSError) -> str:
     """Reason of a file that could not be read or written."""
     forbidden = isinstance(error, PermissionError) or error.errno == EROFS
     remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
-    return f"file-trouble: {error}. {remedy}."
+    return f"file-trouble: {without_temporaries(str(error))}. {remedy}."
 
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:

@@ -7,6 +7,7 @@ import ctypes
 import errno
 import os
 import platform
+import re
 import shutil
 import sys
 import time
@@ -110,6 +111,11 @@ def _flush_names(folder: Path) -> None:
 def _temporary_name(name: str) -> str:
     host = platform.node().replace("~", "-")
     return f".{name}~{host}~{os.getpid()}~{uuid.uuid4().hex[:12]}{TEMPORARY_SUFFIX}"
+
+
+def without_temporaries(text: str) -> str:
+    """A text, with what a temporary stands for in its place: people look for the name that they gave."""
+    return re.sub(rf"\.([^/~]+)~[^/~]*~\d+~[0-9a-f]{{12}}{re.escape(TEMPORARY_SUFFIX)}", r"\1", text)
 
 
 def _put_in_place(temporary: Path, folder: Path, keep: Callable[[], bool] | None) -> None:

@@ -1,5 +1,9 @@
 """The reason that a failed image is given."""
 
+import errno
+from pathlib import Path
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -7,7 +11,9 @@ from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import AcceptSettings
+from flows.result import file_trouble
 from flows.verdict import believe, doubtful_limb, explained, reminded
+from tasks.atomic import file_put_in_place, folder_put_in_place
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = {"rms_px": None, "points": 3, "tried": 40, "likeness": 0.95}
@@ -63,3 +69,20 @@ def test_a_limb_elsewhere_than_the_corrected_pose_has_it_is_doubted_where_the_pr
     assert doubtful_limb(accept, {"limb": {"rms_px": None}}) is None
     assert str(doubtful_limb(accept, {"limb": {"rms_px": 0.7}})).startswith("limb-disagrees: ")
     assert doubtful_limb(AcceptSettings(), {"limb": {"rms_px": 0.7}}) is None
+
+
+def test_a_store_that_cannot_be_written_is_told_by_its_own_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def read_only(path: Path, *_: Any, **__: Any) -> None:
+        raise OSError(errno.EROFS, "Read-only file system", str(path))
+
+    (tmp_path / "store").mkdir()
+    for put_in_place, writing in ((folder_put_in_place, "touch"), (file_put_in_place, "write_text")):
+        monkeypatch.setattr(Path, writing, read_only)
+        with pytest.raises(OSError, match=r"C1\.v2~.*\.tmp") as trouble, put_in_place(tmp_path / "store/C1.v2") as new:
+            getattr(new, writing)("")
+        told = file_trouble(trouble.value)
+        assert str(tmp_path / "store/C1.v2") in told
+        assert ".tmp" not in told
+        assert told.endswith("Change its permissions, or name another place.")
