@@ -10,6 +10,7 @@ from catalog.basemap import packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
 from catalog.digest import sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
+from catalog.readers import image_is_folder
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
@@ -81,6 +82,8 @@ def digest_of(path: Path, what: str) -> str:
     except FileNotFoundError as error:
         raise RefusedError(f"{code}-missing", f"{what} {path} does not exist.", "Check the path.") from error
     except OSError as error:
+        if what == "image" and isinstance(error, IsADirectoryError):
+            raise image_is_folder(path) from error
         raise RefusedError(f"{code}-unreadable", f"{what} {path} cannot be read ({error}).", "Give a file.") from error
 
 

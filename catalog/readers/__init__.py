@@ -16,7 +16,7 @@ from catalog.readers.vicar import VicarReader
 
 READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader())
 
-__all__ = ["READERS", "read_frame"]
+__all__ = ["READERS", "image_is_folder", "read_frame"]
 
 
 def read_frame(path: Path, camera: str | None = None, target: str | None = None) -> Frame:
@@ -48,7 +48,7 @@ def _head(path: Path) -> bytes:
     remedy = "Give the path of an image file."
     try:
         if path.is_dir():
-            raise RefusedError("image-is-folder", f"image {path} is a folder.", remedy)
+            raise image_is_folder(path)
         if not path.exists():
             raise RefusedError("image-missing", f"image {path} does not exist.", remedy)
         if not path.is_file():
@@ -60,6 +60,12 @@ def _head(path: Path) -> bytes:
             return file.read(HEAD_BYTES)
     except (OSError, ValueError) as error:
         raise RefusedError("image-unreadable", f"image {path} cannot be opened ({error}).", remedy) from error
+
+
+def image_is_folder(path: Path) -> RefusedError:
+    """The refusal of a folder in place of an image."""
+    remedy = f"Give the files in it, for example {path}/*.IMG."
+    return RefusedError("image-is-folder", f"image {path} is a folder.", remedy)
 
 
 def _description(head: bytes) -> str:

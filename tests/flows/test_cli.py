@@ -251,6 +251,14 @@ def test_what_cannot_be_written_is_told_in_one_line(
     assert done.stderr.count("\n") == 1
 
 
+def test_a_folder_in_place_of_an_image_is_refused_saying_what_to_give(here: Path, server_state: Path) -> None:
+    (here / "raw").mkdir()
+    done = command(here, server_state, "correct", "raw", "--store", "out", "-q")
+    assert (done.returncode, done.stderr) == (1, "")
+    told = "image-is-folder: image raw is a folder. Give the files in it, for example raw/*.IMG."
+    assert done.stdout == f"raw: refused: {told}\n"
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
