@@ -37,7 +37,7 @@ def plan_of(request: Request, settings: Settings) -> Plan:
 def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint, last: Outcome | None) -> str | None:
     """Why an image has to be done; None when it has not."""
     if last is None:
-        return "new" if request.image.exists() else "missing"
+        return "missing" if is_missing(fingerprint) else "new"
     changes = differences(last.fingerprint, fingerprint)
     if changes:
         return f"changed: {in_words(changes)}"
@@ -49,6 +49,11 @@ def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint,
     if last.passing and last.tries < settings.limits.tries:
         return f"{last.status} before, may pass ({last.code})"
     return f"{last.status} before ({last.code})" if settings.again else None
+
+
+def is_missing(fingerprint: Fingerprint) -> bool:
+    """Whether the image's file is not there."""
+    return str(fingerprint["image"]).startswith("fault: image-missing")
 
 
 def product_fault(folder: Path, last: Outcome, verify: bool) -> str | None:
@@ -93,6 +98,6 @@ def has_content(path: Path) -> bool:
 def plans_in_words(plans: Sequence[Plan]) -> str:
     """How many images would be done, and of how many of them the file is not there."""
     wanted = [plan for plan in plans if plan.do]
-    missing = sum(not plan.request.image.exists() for plan in wanted)
+    missing = sum(is_missing(plan.fingerprint) for plan in wanted)
     words = f"{len(wanted)} of {len(plans)} images would be done"
     return f"{words}; the files of {missing} are missing (--fetch gets those with an address)" if missing else words
