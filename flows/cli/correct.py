@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flows.cli.server_option import Server
 from flows.defaults import DEFAULT_PROFILE
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def correct(
     resume: Annotated[File, typer.Option(help="Product folder, result.json or store to start from.")] = None,
     max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
-    server: Annotated[Text, typer.Option(help="Prefect server: local, embedded, or the URL of an API.")] = None,
+    server: Server = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Correct the geometry of images and publish cubes."""

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from flows.cli.server_option import Server
+
 if TYPE_CHECKING:
     from flows.progress import Reporter
     from flows.request import Request
@@ -22,7 +24,7 @@ def demo(
     folder: Annotated[Path, typer.Option(help="Where the archive and its products are written.")] = Path("out/demo"),
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
     workers: Annotated[int, typer.Option(min=1, help="Images at a time.")] = 2,
-    server: Annotated[Text, typer.Option(help="Prefect server: local, embedded, or the URL of an API.")] = None,
+    server: Server = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Simulate six images of Europa with planted errors, correct them, and print what was planted, found and left."""

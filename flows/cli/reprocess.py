@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from flows.cli.server_option import Server
+
 if TYPE_CHECKING:
     from flows.reprocessing.settings import Settings
 
@@ -47,7 +49,7 @@ def reprocess(
     archive: Annotated[Path | None, typer.Option(help="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")] = None,
     cache_limit_gb: Annotated[Number, typer.Option(min=0, help="Prune the cache of steps to this size.")] = None,
     cache_days: Annotated[Number, typer.Option(min=0, help="Prune what was not used for so long.")] = None,
-    server: Annotated[Text, typer.Option(help="Prefect server: local, embedded, or the URL of an API.")] = None,
+    server: Server = None,
     json: Annotated[bool, typer.Option("--json", help="The run's summary as one JSON object on stdout.")] = False,
     log_json: Annotated[bool, typer.Option("--log-json", help="Progress and log as JSON lines on stderr.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,

@@ -287,6 +287,15 @@ def test_a_folder_without_kernels_is_wrong_usage_of_every_command(tmp_path: Path
     assert "the folder empty holds no kernel" in done.stderr
 
 
+@pytest.mark.parametrize("arguments", [["correct", "a.png"], ["reprocess", "europa57", "--dry-run"], ["demo"]])
+def test_a_server_that_is_none_is_wrong_usage(tmp_path: Path, arguments: list[str]) -> None:
+    for given, more in ((["--server", "nonsense"], {}), ([], {"PLANETPOSE_SERVER": "http:/nonsense"})):
+        done = command(tmp_path, tmp_path / "state", *arguments, *given, COLUMNS="400", **more)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert "nonsense' is neither local, embedded nor the URL of an API" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: Path) -> None:
     """The same image, cache and store: they also meet at every key and at the product."""
     state = here / "state"
