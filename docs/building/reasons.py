@@ -24,6 +24,7 @@ PUT_TOGETHER = {
     ),
     "f'{code}-unreadable'": ("image-unreadable", "pose-file-unreadable", "base-map-unreadable", "mask-unreadable"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
+    "error.code": (),  # the same error once more, with other words: explained where it was raised first
 }
 # A reason that is told without an error: a doubt, or what is no expected failure.
 SAID = re.compile(r"([a-z]+(?:-[a-z]+)+|bug): ")
