@@ -188,7 +188,7 @@ REFUSALS: list[tuple[str, dict[str, Any], str, str]] = [
     ("cut.imq", {}, "image-unreadable", "Fetch the file again"),
     ("text.IMG", {}, "text", "FITS, PNG and TIFF are read"),
     ("noise.IMG", {}, "no known image format", "FITS, PNG and TIFF are read"),
-    ("folder.IMG", {}, "directory", "Give a file"),
+    ("folder.IMG", {}, "image-is-folder", "folder.IMG/*.IMG"),
     ("nowhere.IMG", {}, "does not exist", "Check the path"),
     ("plain.png", {}, "camera-unknown", "--camera"),
     ("plain.png", {"camera": "galileo-ssi"}, "target-unknown", "--target"),
