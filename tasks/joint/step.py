@@ -41,7 +41,7 @@ def run(work: Work) -> dict[str, Any]:
         settings,
         work.progress,
         distortion,
-        work.inputs.get("markings_match", True),
+        work.inputs["markings_match"],
     )
     result = plain_correction(correction)
     told = correction.evidence["bending"]

@@ -149,6 +149,7 @@ def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tm
         "simulate": scene.settings.model_dump(mode="json"),
         "settings": ONCE.model_dump(mode="json"),
         "pose_sources": dict.fromkeys(truth.to_dict(), "file"),
+        "markings_match": True,
     }
     places = {"undistort": folders["undistort"], "pose": folders["pose"], "predicted": folders["pose"]}
     result = run(Work(inputs, places | {"basemap": str(map_path)}, folders["joint"], lambda *_: None))
