@@ -75,7 +75,7 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
             for position, request in enumerate(requests)
         ]
         for future in futures:
-            result = awaited(future)
+            result = awaited(future, stop)
             results.append(result)
             note_in_index(requests[len(results) - 1].store, result)
             listener.on_result(result)
@@ -85,11 +85,14 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     return Failed(message=summary, data=ImagesNotOkError(summary)) if bad else Completed(message=summary, data=results)
 
 
-def awaited(future: "Future[Result]") -> Result:
+def awaited(future: "Future[Result]", stop: Event) -> Result:
     """The result, once it is there. Waits in short turns: after a rendering Mitsuba gives SIGINT back as one that wakes
-    nobody, and Ctrl-C would only be heard at an image's end."""
-    while not future.done():
+    nobody, and Ctrl-C would only be heard at an image's end. Raises KeyboardInterrupt when `stop` is set: then Ctrl-C
+    reached the rendering of some image, and perhaps nobody else."""
+    while not (future.done() or stop.is_set()):
         wait([future], timeout=HEAR_CTRL_C_S)
+    if stop.is_set():
+        raise KeyboardInterrupt
     return future.result()
 
 
@@ -112,8 +115,10 @@ def one_result(
     run_step: RunStep = run_as_task,
 ) -> Result:
     """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result. With
-    `run_step=tasks.step.run` it needs neither flow nor server."""
-    chain = Chain(request, partial(run_and_report, reporter, stop or Event(), run_step))
+    `run_step=tasks.step.run` it needs neither flow nor server. stop: set to end the batch; it also is set here when
+    Ctrl-C has cut a rendering short."""
+    stop = stop or Event()
+    chain = Chain(request, partial(run_and_report, reporter, stop, run_step))
     error: Exception | None = None
     try:
         if twin:
@@ -126,6 +131,8 @@ def one_result(
     except Exception as bug:  # the boundary of one image: the batch goes on, and the log has the traceback
         logger.exception("%s ended by %s", request.product, type(bug).__name__)
         error = bug
+    if isinstance(error, FailedError) and error.code == "interrupted":
+        stop.set()
     result = result_of(chain, error)
     reporter.finished(request.product, result["status"], result["reason"])
     return result

@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from catalog.rotation import vector_deg_from_rotation
+from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
 from tasks.compare.brightness import correlation, fit_brightness
@@ -18,6 +18,7 @@ from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.correction import Correction
 from tasks.project.points import body_points
+from tasks.rest import REST_PX, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -38,7 +39,8 @@ class AttitudeSettings(BaseModel):
     shading, relative to the brightest, at which markings are compared.
 
     max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
-    paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error."""
+    paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error, or when the turns
+    go to and fro within rest_px at the limb, or their error, of the middle of their way, which is then taken."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -51,6 +53,7 @@ class AttitudeSettings(BaseModel):
     max_sigma_deg: float = Field(1.0, gt=0)
     max_turns: int = Field(5, ge=1, le=50)
     settle_deg: float = Field(0.01, gt=0)
+    rest_px: float = Field(REST_PX, ge=0)
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,7 @@ def find_attitude(
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
     quick = reductions[0]
     turned, turns, settled = pose, [], False
+    last: list[NDArray[np.float64]] = []
     match, at = simulated_match(observation, scene, pose, quick), quick
     before, turn = likeness(match), one_turn(match, settings)
     if turn.vector_deg is None and radius / (2 * reductions[0]) >= SMALLEST_RADIUS_PX:
@@ -92,8 +96,17 @@ def find_attitude(
         turned = turn.pose
         if progress:
             progress("attitude", iteration, told(turn))
-        settled = iteration >= len(reductions) and is_still(turn, settings.settle_deg)
-        if settled or (iteration >= len(reductions) and turn.vector_deg is None):
+        if iteration < len(reductions):
+            continue
+        if turn.vector_deg is None or turn.sigma_deg is None:
+            break
+        settled = is_still(turn, settings.settle_deg)
+        if not settled:
+            last.append(turn.vector_deg)
+            rested = at_rest(turn, last, radius / reduction, settings.rest_px)
+            turn, settled = rested or turn, rested is not None
+            turned = turn.pose
+        if settled:
             break
     after = likeness(simulated_match(observation, scene, turned, quick))
     # As matrices: the body frame after is R^T times the one before, R the turn of the body in its own frame.
@@ -126,6 +139,18 @@ def is_still(turn: Turn, settle_deg: float) -> bool:
     if turn.vector_deg is None or turn.sigma_deg is None:
         return False
     return bool((np.abs(turn.vector_deg) <= np.maximum(settle_deg, turn.sigma_deg / 2)).all())
+
+
+def at_rest(turn: Turn, turns_deg: list[NDArray[np.float64]], radius_px: float, rest_px: float) -> Turn | None:
+    """The middle of the way of the last turns, their scatter in its error, where they lead nowhere any more."""
+    if turn.sigma_deg is None:
+        return None
+    rest = rest_of(turns_deg, max(float(np.degrees(rest_px / radius_px)), float(np.linalg.norm(turn.sigma_deg))))
+    if rest is None:
+        return None
+    back = rotation_from_vector_deg(rest.back)
+    pose = turn.pose.replaced(body_from_j2000=back.T @ turn.pose.body_from_j2000)
+    return replace(turn, pose=pose, sigma_deg=np.hypot(turn.sigma_deg, rest.scatter))
 
 
 def why_not(

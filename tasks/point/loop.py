@@ -17,6 +17,7 @@ from tasks.correction import Correction
 from tasks.point.coarse import find_target
 from tasks.point.registration import REGISTRATIONS, Shift
 from tasks.point.rotation import pose_moved_by
+from tasks.rest import REST_PX, Rest, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -28,6 +29,8 @@ SMALLEST_PLATEAU_PX = 100
 
 class PointSettings(BaseModel):
     """coarse: search the whole frame first. diameter_px: larger disks are settled at reduced resolution.
+    stop_px: a smaller move ends the loop. rest_px: so does going to and fro within so much of the middle of the way, or
+    within the registration's own error; the middle is then taken, and the scatter added to the uncertainty.
     min_score, min_correlation: below these the target counts as not found."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -35,6 +38,7 @@ class PointSettings(BaseModel):
     coarse: bool = True
     diameter_px: float = Field(300.0, gt=0)
     stop_px: float = Field(0.02, gt=0)
+    rest_px: float = Field(REST_PX, ge=0)
     max_iterations: int = Field(12, ge=1, le=100)
     min_overlap: float = Field(0.25, gt=0, le=1)
     min_score: float = Field(0.4, ge=-1, le=1)
@@ -105,7 +109,7 @@ def find_pointing(
     # The limb's edges want all their pixels.
     n = 1 if settings.registration == "limb" else reduction_for(start, scene, settings.diameter_px)
     evidence["reduction"] = n
-    settled, shift, history = settle(
+    settled, shift, history, rest = settle(
         reduced_observation(observation, n), start, reduced_scene(scene, n), settings, progress
     )
     share = share_in_frame(settled, scene)
@@ -125,14 +129,24 @@ def find_pointing(
             "Check target, range, Sun direction and base map.",
         )
     offset = scene.camera.project(settled.target_in_camera_km) - predicted_centre(pose, scene)
-    sigma = None if shift.covariance is None else (n * np.sqrt(np.diag(shift.covariance))).tolist()
+    if rest is not None:
+        evidence["scatter_px"] = (n * rest.scatter).tolist()
     return Correction(
         step="point",
         pose=settled,
         changed={"offset_px": offset.tolist()},
-        uncertainty={"offset_px": sigma},
+        uncertainty={"offset_px": sigma_px(shift, rest, n)},
         evidence=evidence | {"history_px": history, "correlation": shift.quality, "likeness": alike},
     )
+
+
+def sigma_px(shift: Shift, rest: Rest | None, n: int) -> list[float] | None:
+    """1-sigma of the offset (2,) in pixels of the image, n times those of the loop; None where nothing tells it."""
+    if shift.covariance is None and rest is None:
+        return None
+    own = np.zeros(2) if shift.covariance is None else np.diag(shift.covariance)
+    scatter = np.zeros(2) if rest is None else rest.scatter
+    return (n * np.sqrt(own + scatter**2)).tolist()
 
 
 def share_in_frame(pose: Pose, scene: Scene) -> float:
@@ -158,8 +172,8 @@ def predicted_centre(pose: Pose, scene: Scene) -> np.ndarray:
 
 def settle(
     observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None
-) -> tuple[Pose, Shift, list[list[float]]]:
-    """The loop of figure 5: settled pose, the last shift, and all shifts."""
+) -> tuple[Pose, Shift, list[list[float]], Rest | None]:
+    """The loop of figure 5: settled pose, the last shift, all shifts, and where it stands still if it still moves."""
     register = REGISTRATIONS[settings.registration]
     history: list[list[float]] = []
     for iteration in range(1, settings.max_iterations + 1):
@@ -170,7 +184,11 @@ def settle(
         if progress:
             progress("point", iteration, f"moved {length:.3f} px")
         if length < settings.stop_px:
-            return pose, shift, history
+            return pose, shift, history, None
+        own = 0.0 if shift.covariance is None else float(np.sqrt(np.trace(shift.covariance)))
+        rest = rest_of(history, max(settings.rest_px, own))
+        if rest is not None:
+            return pose_moved_by(pose, scene.camera, rest.back), shift, history, rest
     raise FailedError(
         "did-not-converge",
         f"pointing did not converge in {settings.max_iterations} iterations; moves were "

@@ -1,6 +1,7 @@
 """Range from the lit limb: the growth that puts the simulated limb on the image's, solved with the offset."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from tasks.compare.limb_fit import LimbFit, fit_limb
 from tasks.compare.match import match_scene
 from tasks.correction import Correction
 from tasks.point.rotation import pose_moved_by
+from tasks.rest import REST_PX, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -21,12 +23,14 @@ Progress = Callable[[str, int, str], None]
 
 
 class LimbRangeSettings(BaseModel):
-    """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their error.
+    """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their error. rest_px: or
+    when both go to and fro within so much, or their error, of the middle of their way, which is then taken.
     limit: largest change of the range factor. across: sub-pixels of the simulated disk, at most; None leaves
     them to the scene."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     stop_px: float = Field(0.02, gt=0)
+    rest_px: float = Field(REST_PX, ge=0)
     max_iterations: int = Field(12, ge=1, le=100)
     limit: float = Field(0.06, gt=0, lt=0.5)
     across: float | None = Field(None, gt=0)
@@ -65,6 +69,14 @@ def find_range_by_limb(
             )
         if moved < max(settings.stop_px, noise_px):
             return _correction(pose, corrected, scene, fit, history)
+        moves = [(x, y, growth * radius) for x, y, growth in history]
+        rest = rest_of(moves, max(settings.rest_px, 2 * noise_px))
+        if rest is not None:
+            back = pose_moved_by(corrected, camera, rest.back[:2])
+            back = back.with_range_factor(1 / (1 + float(rest.back[2]) / radius))
+            scatter = rest.scatter / (1, 1, radius)
+            fit = replace(fit, covariance=fit.covariance + np.diag(scatter**2))
+            return _correction(pose, back, scene, fit, history)
     raise FailedError(
         "did-not-converge",
         f"range and pointing by the limb did not settle in {settings.max_iterations} iterations; "

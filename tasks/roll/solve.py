@@ -21,6 +21,7 @@ from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_f
 from tasks.correction import Correction
 from tasks.point.registration.least_squares import register_least_squares
 from tasks.point.rotation import pose_moved_by
+from tasks.rest import REST_PX, rest_of
 from tasks.roll.refine import CAMERA, TARGET, turn_step
 from tasks.roll.scan import PolarScan, polar_scan
 from tasks.roll.turns import camera_rolled, target_turned
@@ -45,7 +46,8 @@ class RollSettings(BaseModel):
     explain (1 - correlation^2) that a turn must explain to be believed, and by which one must beat the other to be told
     apart. apply_from_deg: smaller turns are reported, and left for the attitude to take up. max_sigma_deg: a turn less
     sure is not determined. photometry: of the simulations, None takes the profile's. diameter_px: larger disks are
-    compared at reduced resolution. stop_deg: the loop ends at a smaller step, or one below half its error."""
+    compared at reduced resolution. stop_deg: the loop ends at a smaller step, or one below half its error. rest_px: or
+    when limb and centre go to and fro within so much, or within their error, of the middle of their way."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     assign: Literal["image", "camera", "target"] = "image"
@@ -56,6 +58,7 @@ class RollSettings(BaseModel):
     photometry: Photometry | None = "mixture"
     diameter_px: float = Field(150.0, gt=0)
     stop_deg: float = Field(0.02, gt=0)
+    rest_px: float = Field(REST_PX, ge=0)
     max_iterations: int = Field(10, ge=1, le=100)
 
 
@@ -154,6 +157,7 @@ def tried(
             trial.pose = pose_moved_by(trial.pose, scene.camera, register_least_squares(match).offset_px)
     radius_px = disk_radius_px(pose, scene.camera, scene.target)
     limit_deg = float(np.degrees(3.0 / radius_px))
+    moves: list[tuple[float, ...]] = []
     for iteration in range(1, settings.max_iterations + 1):
         step = turn_step(match_scene(observation, scene, trial.pose), kind, radius_px)
         trial.pose = pose_moved_by(trial.pose, scene.camera, np.clip(step.offset_px, -3, 3))
@@ -164,6 +168,15 @@ def tried(
             progress("roll", iteration, f"{kind} {step.turn_deg:+.3f} deg")
         still = abs(step.turn_deg) <= max(settings.stop_deg, step.sigma_deg / 2)
         if still and np.hypot(*step.offset_px) < STILL_PX:
+            trial.settled = True
+            break
+        turn_px = np.radians(step.turn_deg) * radius_px
+        moves.append((turn_px, *step.offset_px))
+        rest = rest_of(moves, max(settings.rest_px, float(np.radians(step.sigma_deg)) * radius_px))
+        if rest is not None:
+            trial.pose = pose_moved_by(trial.pose, scene.camera, rest.back[1:])
+            trial.turned(float(np.degrees(rest.back[0] / radius_px)))
+            trial.sigma_deg = float(np.hypot(step.sigma_deg, np.degrees(rest.scatter[0] / radius_px)))
             trial.settled = True
             break
     trial.correlation = likeness(match_scene(observation, scene, trial.pose))
