@@ -20,7 +20,7 @@ from catalog.readers import read_frame
 from catalog.readers.pds3_label import parse_label
 
 # A hang, not a speed: unbounded, these take minutes or for ever; a busy machine needs several times the usual second.
-LONGEST_S = 30.0
+LONGEST_S = 30.0  # of this process's own time, whatever else the machine does
 MOST_BYTES = 150_000_000
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -129,11 +129,11 @@ def test_a_bomb_is_refused_in_little_time_and_memory(name: str, tmp_path: Path) 
     content, codes = BOMBS[name]
     (tmp_path / name).write_bytes(content())
     tracemalloc.start()
-    started = time.monotonic()
+    started = time.process_time()
     try:
         with pytest.raises(RefusedError) as refusal:
             read_frame(tmp_path / name)
-        seconds, (_, peak) = time.monotonic() - started, tracemalloc.get_traced_memory()
+        seconds, (_, peak) = time.process_time() - started, tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
     assert refusal.value.code in codes.split("|"), refusal.value.reason
@@ -174,7 +174,7 @@ def test_a_code_tree_as_deep_as_it_can_be_is_decoded_without_recursion() -> None
     ],
 )
 def test_labels_that_would_busy_or_break_the_parser_are_no_labels(text: str) -> None:
-    started = time.monotonic()
+    started = time.process_time()
     with pytest.raises(ValueError, match="no PDS3 label"):
         parse_label(text)
-    assert time.monotonic() - started < LONGEST_S
+    assert time.process_time() - started < LONGEST_S

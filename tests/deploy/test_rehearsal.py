@@ -34,7 +34,7 @@ def status_of(address: str, credentials: str | None) -> int:
     if credentials:
         request.add_header("Authorization", "Basic " + b64encode(credentials.encode()).decode())
     try:
-        with urllib.request.urlopen(request, timeout=30) as reply:
+        with urllib.request.urlopen(request, timeout=120) as reply:
             return int(reply.status)
     except urllib.error.HTTPError as refused:
         return refused.code

@@ -31,7 +31,7 @@ def test_with_a_password_any_address_is_served() -> None:
 
 def test_the_command_ends_with_the_reason_and_starts_nothing() -> None:
     command = [sys.executable, "-c", "from flows.cli import main; main()", "server", "serve", "--host", "0.0.0.0"]
-    done = subprocess.run(command, env={"PATH": ""}, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, env={"PATH": ""}, capture_output=True, text=True, check=False, timeout=300)
     assert done.returncode == 1
     assert "server-without-authentication" in done.stderr
     assert "--host 127.0.0.1" in done.stderr

@@ -152,7 +152,7 @@ class Archive(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(CONTENT)))
         self.end_headers()
         try:
-            for _byte in range(40):
+            for _byte in CONTENT[1:]:  # until the client has had enough
                 self.wfile.write(b"x")
                 self.wfile.flush()
                 time.sleep(0.05)

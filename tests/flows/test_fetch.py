@@ -22,7 +22,7 @@ from flows.fetch import fetch_items, summary_of
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 QUICK = FetchSettings(
-    attempts=3, first_wait_s=0, longest_wait_s=0.05, stall_timeout_s=1.0, requests_per_s=500, largest_bytes=3_000_000
+    attempts=3, first_wait_s=0, longest_wait_s=0.05, stall_timeout_s=2.0, requests_per_s=500, largest_bytes=3_000_000
 )
 
 
@@ -144,8 +144,8 @@ def test_a_fetch_that_is_killed_leaves_no_file_and_another_takes_over(
     before = seen.requests["trickles"]
     process = multiprocessing.get_context("fork").Process(target=fetch_slowly, args=(base, tmp_path))
     process.start()
-    deadline = time.monotonic() + 60
-    while seen.requests["trickles"] == before and time.monotonic() < deadline:
+    while seen.requests["trickles"] == before:
+        assert process.is_alive()
         time.sleep(0.02)
     (meanwhile,) = fetched(tmp_path, item(base, "trickles"))
     assert "busy" in str(meanwhile.reason)

@@ -23,7 +23,7 @@ CONTENT = b"LBLSIZE=100 NL=30 NS=40 EXPOSURE=12.5 TARGET='EUROPA' " * 40 + np.ra
 
 
 def test_a_crash_and_a_hang_are_seen_and_the_next_file_is_read() -> None:
-    with ReaderProcess(1.0, 10**9, (sys.executable, "-c", STUB)) as reader:
+    with ReaderProcess(5.0, 10**9, (sys.executable, "-c", STUB)) as reader:
         answers = [reader.ask(Path(name)) for name in ("good", "crash", "good", "hang", "good")]
     assert [answer["outcome"] for answer in answers] == ["read", "crash", "read", "hang", "read"]
     assert "the reader fell over" in answers[1]["reason"]

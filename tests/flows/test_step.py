@@ -127,20 +127,20 @@ import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
 from tasks.step import Step, run
-places = {"started": sys.argv[3], "seconds": sys.argv[4]}
+places = {"started": sys.argv[3], "go_on": sys.argv[4]}
 record = run(Step("slow", "fake_steps", "p", Path(sys.argv[2]), {"do": "slow"}, places), lambda *_: None)
 print(record.result["pid"])
 """
 
 
-def start_slow_step(cache: Path, started: Path, seconds: float) -> subprocess.Popen[str]:
-    """Another process that does the step `slow`; returns when it is in the middle."""
+def start_slow_step(cache: Path, started: Path, go_on: Path) -> subprocess.Popen[str]:
+    """Another process that does the step `slow`, until `go_on` exists; returns when it is in the middle."""
     process = subprocess.Popen(
-        [sys.executable, "-c", SCRIPT, str(HERE), str(cache), str(started), str(seconds)],
+        [sys.executable, "-c", SCRIPT, str(HERE), str(cache), str(started), str(go_on)],
         stdout=subprocess.PIPE,
         text=True,
     )
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while not started.exists():
         assert process.poll() is None
         assert time.monotonic() < deadline
@@ -150,10 +150,11 @@ def start_slow_step(cache: Path, started: Path, seconds: float) -> subprocess.Po
 
 def test_kill_9_leaves_no_half_result_and_the_next_run_cleans_up(tmp_path: Path, work_log: Path) -> None:
     cache = tmp_path / "cache"
-    process = start_slow_step(cache, tmp_path / "started", 30)
+    process = start_slow_step(cache, tmp_path / "started", tmp_path / "never")
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    step = Step("slow", "fake_steps", "p", cache, {"do": "slow"}, {"started": str(tmp_path / "again"), "seconds": "0"})
+    places = {"started": str(tmp_path / "again"), "go_on": str(tmp_path)}
+    step = Step("slow", "fake_steps", "p", cache, {"do": "slow"}, places)
     assert step.record() is None
     assert not step.folder.exists()
     assert len(list(step.folder.parent.iterdir())) == 1  # the killed one's temporary
@@ -164,8 +165,10 @@ def test_kill_9_leaves_no_half_result_and_the_next_run_cleans_up(tmp_path: Path,
 
 def test_two_processes_at_the_same_key_both_succeed_with_one_result(tmp_path: Path, work_log: Path) -> None:
     cache = tmp_path / "cache"
-    processes = [start_slow_step(cache, tmp_path / name, 0.7) for name in ("a", "b")]
-    answers = {process.communicate(timeout=30)[0].strip() for process in processes}
+    go_on = tmp_path / "go on"
+    processes = [start_slow_step(cache, tmp_path / name, go_on) for name in ("a", "b")]
+    go_on.touch()
+    answers = {process.communicate(timeout=300)[0].strip() for process in processes}
     assert [process.returncode for process in processes] == [0, 0]
     assert len(answers) == 1  # the one who came first
     assert done(work_log) == ["slow", "slow"]

@@ -12,7 +12,7 @@ from typing import Any
 from websockets.sync.client import ClientConnection, connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "chromium-headless-shell")
-START_S, ANSWER_S = 60.0, 30.0
+START_S, ANSWER_S = 300.0, 120.0
 
 
 def find_browser() -> str | None:
@@ -86,7 +86,7 @@ def browser_page(program: str, profile: Path) -> Iterator[Page]:
             yield Page(socket)
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait(120)
 
 
 def _port(file: Path) -> int:
