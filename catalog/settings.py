@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from catalog.errors import RefusedError
+
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -27,7 +29,7 @@ def cache_folder() -> Path:
     configured = os.environ.get("PLANETPOSE_CACHE")
     if configured:
         return Path(configured)
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "planetpose"
+    return _own_folder("XDG_CACHE_HOME", ".cache", "PLANETPOSE_CACHE") / "planetpose"
 
 
 def state_folder() -> Path:
@@ -35,7 +37,7 @@ def state_folder() -> Path:
     configured = os.environ.get("PLANETPOSE_STATE")
     if configured:
         return Path(configured)
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "planetpose"
+    return _own_folder("XDG_STATE_HOME", ".local/state", "PLANETPOSE_STATE") / "planetpose"
 
 
 def archive_folder() -> Path:
@@ -43,4 +45,36 @@ def archive_folder() -> Path:
     configured = os.environ.get("PLANETPOSE_ARCHIVE")
     if configured:
         return Path(configured)
-    return Path(os.environ.get("XDG_DATA_HOME") or Path.home() / ".local" / "share") / "planetpose" / "archive"
+    return _own_folder("XDG_DATA_HOME", ".local/share", "PLANETPOSE_ARCHIVE") / "planetpose" / "archive"
+
+
+def way_out_of(path: Path) -> str | None:
+    """The variable that moves the folder of ours in which `path` lies, or which cannot be made because of `path`:
+    PLANETPOSE_CACHE for a file of the cache, and so on; None for any other path."""
+    path = path.absolute()
+    for variable, folder in (
+        ("PLANETPOSE_CACHE", cache_folder),
+        ("PLANETPOSE_STATE", state_folder),
+        ("PLANETPOSE_ARCHIVE", archive_folder),
+    ):
+        try:
+            own = folder().absolute()
+        except RefusedError:
+            continue
+        if own in (path, *path.parents) or (path in own.parents and not path.is_dir()):
+            return variable
+    return None
+
+
+def _own_folder(xdg: str, below_home: str, variable: str) -> Path:
+    configured = os.environ.get(xdg)
+    if configured:
+        return Path(configured)
+    try:
+        return Path.home() / below_home
+    except RuntimeError as error:
+        raise RefusedError(
+            "home-unknown",
+            "HOME is not set and this user has no home folder: there is no place for what planetpose keeps.",
+            f"Set {variable} to a folder that may be written in (also PLANETPOSE_CACHE and PLANETPOSE_STATE).",
+        ) from error

@@ -45,7 +45,7 @@ def benchmark_index(products: int = 1000) -> dict[str, Any]:
         publish(small_publication(), store)
         update_s, _ = _timed(lambda: open_index(store))
         read_s = min(_timed(lambda: read_index(store))[0] for _ in range(5))
-        command = [sys.executable, "-c", IN_ANOTHER_PROCESS, str(store / INDEX)]
+        command = [sys.executable, "-P", "-c", IN_ANOTHER_PROCESS, str(store / INDEX)]
         new_process_s, done = _timed(lambda: subprocess.run(command, capture_output=True, text=True, check=True))
         return {
             "products": len(index),

@@ -3,8 +3,11 @@
 import os
 import sys
 import urllib.error
-import urllib.request
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 
+from flows.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
+from flows.reachable import check_reachable, said_when_it_takes_long
 from flows.server import HEALTH_TIMEOUT_S, ensure_server, server_files
 
 QUIET = {
@@ -27,7 +30,11 @@ def server_choice(option: str | None) -> str:
 
 def prepare(choice: str) -> None:
     """Set the environment that Prefect reads when it is imported. `choice`: local (started if need be), embedded (a
-    server within this command, slow), or the URL of an API. Raises ServerError when the local one does not start."""
+    server within this command, slow), or the URL of an API. Raises ServerError when the local one does not start, or
+    none answers at the URL."""
+    os.environ["PYTHONSAFEPATH"] = "1"  # what Prefect starts by `python -m` does not look in the working folder
+    keep_loopback_direct(os.environ, choice)
+    aside = set_unusable_proxies_aside(os.environ)
     for name, value in QUIET.items():
         os.environ.setdefault(name, value)
     own_home = server_files().folder / "prefect"
@@ -41,6 +48,23 @@ def prepare(choice: str) -> None:
         os.environ["PREFECT_API_URL"] = ensure_server()
     else:
         os.environ["PREFECT_API_URL"] = choice
+        with said_when_it_takes_long(f"waiting for the Prefect server at {choice}"):
+            check_reachable(choice, aside)
+
+
+@contextmanager
+def server_at_hand(choice: str) -> Iterator[None]:
+    """The server that `prepare` has chosen is up within the `with` block; an embedded one is started, and the user told
+    when that takes long."""
+    from prefect.client.orchestration import get_client
+
+    if choice != EMBEDDED:
+        yield
+        return
+    with ExitStack() as stack:
+        with said_when_it_takes_long("waiting for the embedded Prefect server; its start takes 10 to 20 s"):
+            stack.enter_context(get_client(sync_client=True))
+        yield
 
 
 def server_is_lost() -> bool:
@@ -50,7 +74,7 @@ def server_is_lost() -> bool:
     if "prefect" not in sys.modules or not url:
         return False
     try:
-        with urllib.request.urlopen(f"{url}/health", timeout=HEALTH_TIMEOUT_S):
+        with open_url(f"{url}/health", HEALTH_TIMEOUT_S):
             return False
     except urllib.error.HTTPError:  # it answers, if only to say no
         return False

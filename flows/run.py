@@ -4,10 +4,10 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from catalog.errors import RefusedError
+from catalog.errors import PlanetposeError, RefusedError
 from flows.chain import Chain, only_cached
 from flows.plan import answer_from_cache, twins
-from flows.prefect_settings import prepare, server_is_lost
+from flows.prefect_settings import prepare, server_at_hand, server_is_lost
 from flows.progress import Reporter
 from flows.request import Request
 from flows.result import result_of
@@ -60,7 +60,7 @@ def run_requests(requests: list[Request], server: str, workers: int, reporter: R
         try:
             run_with_prefect([requests[i] for i in pending], server, workers, reporter, ordered, pending)
         except Exception as error:  # server lost or not to be started: every image still gets its result
-            explained = isinstance(error, ServerError) or server_is_lost()
+            explained = isinstance(error, (ServerError, PlanetposeError, OSError)) or server_is_lost()
             logger.error("the flow ended by %s: %s", type(error).__name__, error, exc_info=not explained)
             for position in ordered.missing:
                 ordered.put(position, orchestration_failed(requests[position], error))
@@ -75,7 +75,11 @@ def refuse_twin(request: Request, fault: str) -> Result:
 
 def orchestration_failed(request: Request, error: Exception) -> Result:
     """The result of an image that Prefect did not get to."""
+    if isinstance(error, PlanetposeError) or (isinstance(error, OSError) and error.filename):
+        return result_of(Chain(request, only_cached), error)
     result = result_of(Chain(request, only_cached))
+    if isinstance(error, ServerError):  # it says what to do
+        return result | {"status": "failed", "reason": f"prefect: {error}"}
     reason = f"prefect: {type(error).__name__}: {error} Try again, or use --server embedded."
     return result | {"status": "failed", "reason": reason}
 
@@ -92,6 +96,7 @@ def run_with_prefect(
     waiting = iter(positions)
     # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
     with (
+        server_at_hand(server),
         in_use(server_files()),
         temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
         audience(reporter, lambda result: ordered.put(next(waiting), result)),

@@ -11,27 +11,24 @@ import os
 import signal
 import socket
 import subprocess
-import sys
 import threading
 import time
 import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from catalog.settings import state_folder
+from flows.children import our_module
+from flows.loopback import open_url
+from flows.reachable import ServerError, said_when_it_takes_long
 
 START_TIMEOUT_S = 180.0
 HEALTH_TIMEOUT_S = 5.0
 PATIENCE_S = 40.0
 USE_SIGNAL_S = 20.0
 IDLE_MINUTES = 15.0
-
-
-class ServerError(Exception):
-    """The local Prefect server cannot be started or reached."""
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,7 @@ def running_server(files: ServerFiles | None = None) -> ServerRecord | None:
 def answers(url: str) -> bool:
     """Whether a Prefect API at `url` says that it is well."""
     try:
-        with urllib.request.urlopen(f"{url}/health", timeout=HEALTH_TIMEOUT_S) as reply:
+        with open_url(f"{url}/health", HEALTH_TIMEOUT_S) as reply:
             return bool(reply.status == 200)
     except (OSError, urllib.error.URLError, ValueError):
         return False
@@ -142,7 +139,8 @@ def ensure_server(files: ServerFiles | None = None) -> str:
     """
     files = files or server_files()
     files.touch()
-    with locked(files.starting_lock):
+    waiting = f"waiting for the local Prefect server (log: {files.log}); the first start takes 5 to 15 s"
+    with said_when_it_takes_long(waiting), locked(files.starting_lock):
         record = running_server(files) or _one_that_is_starting(files)
         if record is None:
             end(files)
@@ -181,7 +179,7 @@ def _start_keeper(files: ServerFiles, port: int) -> subprocess.Popen[bytes]:
     """Start keeper and server as a session of their own, so that they outlive this command and its terminal."""
     with files.log.open("ab") as log:
         return subprocess.Popen(
-            [sys.executable, "-m", "flows.server_keeper", str(files.folder), str(port), str(idle_minutes() * 60)],
+            our_module("flows.server_keeper", str(files.folder), str(port), str(idle_minutes() * 60)),
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

@@ -9,9 +9,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
+from flows.children import their_module
 from flows.server import ServerFiles, ServerRecord, locked
 from flows.server_serve import serving_environment
 
@@ -31,15 +33,16 @@ def main(folder: Path, port: int, idle_s: float) -> int:
         server = start_server(folder, port, alive.fileno())
         files.write(ServerRecord(f"http://{HOST}:{port}/api", os.getpid(), server.pid))
         signal.signal(signal.SIGTERM, lambda *_: stop(server))
+        idleness = Idleness(files)
         while server.poll() is None:
             time.sleep(CHECK_EVERY_S)
-            stop_when_idle(files, server, idle_s)
+            stop_when_idle(files, server, idle_s, idleness)
         return 0
 
 
 def start_server(folder: Path, port: int, alive: int) -> subprocess.Popen[bytes]:
     """Start Prefect's server on this machine's own address. It inherits the lock, so it counts as alive by itself."""
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", HOST, "--port", str(port)]
+    command = their_module("prefect", "server", "start", "--host", HOST, "--port", str(port))
     return subprocess.Popen(command, env=server_environment(folder, port), pass_fds=(alive,))
 
 
@@ -53,22 +56,37 @@ def server_environment(folder: Path, port: int) -> dict[str, str]:
     return serving_environment(HOST, port, {**defaults, **os.environ})
 
 
-def stop_when_idle(files: ServerFiles, server: subprocess.Popen[bytes], idle_s: float) -> None:
+class Idleness:
+    """How long nobody has used a server. A sign of use is that its file's time is another one than before, whatever it
+    is; the waiting is measured by a clock that nobody sets, so that a jump of the time of day, of minutes or years,
+    forwards or back, neither stops a server that is in use nor keeps one for ever."""
+
+    def __init__(self, files: ServerFiles, clock: Callable[[], float] = time.monotonic) -> None:
+        self._files, self._clock = files, clock
+        self._mark, self._since = self._sign(), clock()
+
+    def seconds(self) -> float:
+        """Seconds since the last sign of use was noticed."""
+        mark = self._sign()
+        if mark != self._mark:
+            self._mark, self._since = mark, self._clock()
+        return self._clock() - self._since
+
+    def _sign(self) -> int | None:
+        try:
+            return self._files.used.stat().st_mtime_ns
+        except FileNotFoundError:
+            return None
+
+
+def stop_when_idle(files: ServerFiles, server: subprocess.Popen[bytes], idle_s: float, idleness: Idleness) -> None:
     """Stop the server if nobody used it for `idle_s`; no command can be about to use it, for it would hold the lock."""
-    if time.time() - last_use(files) < idle_s:
+    if idleness.seconds() < idle_s:
         return
     with locked(files.starting_lock):
-        if time.time() - last_use(files) >= idle_s:
+        if idleness.seconds() >= idle_s:
             files.record.unlink(missing_ok=True)
             stop(server)
-
-
-def last_use(files: ServerFiles) -> float:
-    """Time of the last sign of use."""
-    try:
-        return files.used.stat().st_mtime
-    except FileNotFoundError:
-        return 0.0
 
 
 def stop(server: subprocess.Popen[bytes], _: FrameType | None = None) -> None:

@@ -4,12 +4,13 @@ It listens on this machine's own address unless told otherwise, and then only be
 secrets come from the environment, as Prefect documents it.
 """
 
-import ipaddress
 import os
 import sys
 from collections.abc import Mapping
 
 from catalog.errors import RefusedError
+from flows.children import their_module
+from flows.loopback import is_loopback, keep_loopback_direct
 
 AUTHENTICATION = "PREFECT_SERVER_API_AUTH_STRING"
 CLIENT_AUTHENTICATION = "PREFECT_API_AUTH_STRING"
@@ -21,14 +22,6 @@ PRIVATE = {
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
 }
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach `host`: an address of its loopback network, or `localhost`."""
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 def check_door(host: str, environment: Mapping[str, str]) -> None:
@@ -53,11 +46,12 @@ def serving_environment(host: str, port: int, environment: Mapping[str, str]) ->
     origins = f"http://{shown}:{port},http://localhost:{port}" if is_loopback(host) else f"http://{shown}:{port}"
     served = {"PREFECT_SERVER_CORS_ALLOWED_ORIGINS": origins, **PRIVATE, **environment}
     served.pop("PREFECT_API_URL", None)  # it is for clients; a server that finds it may take itself for one
+    keep_loopback_direct(served)
     return served
 
 
 def serve(host: str, port: int) -> None:
     """Become a Prefect server; does not return. Raises RefusedError as `check_door`."""
     check_door(host, os.environ)
-    command = [sys.executable, "-m", "prefect", "server", "start", "--host", host, "--port", str(port)]
+    command = their_module("prefect", "server", "start", "--host", host, "--port", str(port))
     os.execve(sys.executable, command, serving_environment(host, port, os.environ))

@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections import defaultdict
@@ -13,7 +12,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-PLANETPOSE = (sys.executable, "-c", "from flows.cli import main; main()")
+from flows.children import our_command
+
+PLANETPOSE = tuple(our_command())
 PATIENCE_S = 300.0
 LOOK_EVERY_S = 0.02
 KEPT_EVENTS = 2000

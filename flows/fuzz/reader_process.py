@@ -4,13 +4,14 @@ import json
 import os
 import select
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any
 
-READER = (sys.executable, "-m", "flows.fuzz.child")
+from flows.children import our_module
+
+READER = tuple(our_module("flows.fuzz.child"))
 START_TIMEOUT_S = 120.0
 SINGLE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 

@@ -3,17 +3,16 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from flows.children import our_command, their_module
 from flows.server import answers, free_port
 
 START_TIMEOUT_S = 180.0
 STOP_TIMEOUT_S = 30.0
 CREDENTIALS = "planetpose:rehearsal-only"
-COMMAND_LINE = "from flows.cli import main; main()"
 
 
 class RehearsalError(Exception):
@@ -116,7 +115,7 @@ class Installation:
 
     def start_server(self) -> Session:
         """Start the server and wait until it answers. Raises RehearsalError with the end of its log."""
-        command = [sys.executable, "-c", COMMAND_LINE, "server", "serve", "--port", str(self.port)]
+        command = our_command("server", "serve", "--port", str(self.port))
         server = Session(command, self._server_environment, self.folder / "server.log", self.folder)
         try:
             wait_until("the server", lambda: answers(self.api_url) or server.process.poll() is not None)
@@ -129,7 +128,7 @@ class Installation:
 
     def start_worker(self, pool: str) -> Session:
         """Start a process worker; it takes runs as soon as it is up."""
-        command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", pool, "--type", "process"]
+        command = their_module("prefect", "worker", "start", "--pool", pool, "--type", "process")
         return Session(command, self.client_environment, self.folder / "worker.log", self.folder)
 
     def run(self, command: list[str], environment: Mapping[str, str], folder: Path | None = None) -> str:

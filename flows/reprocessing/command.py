@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 from typing import Any
 
 from catalog.errors import FailedError, PlanetposeError
-from flows.prefect_settings import prepare
+from flows.prefect_settings import prepare, server_at_hand
 from flows.progress import Reporter
 from flows.reprocessing.parameters import parameters_of
 from flows.reprocessing.run import begin, finish
@@ -44,6 +44,7 @@ def run_with_prefect(settings: Settings, server: str, reporter: Reporter) -> Sum
     heard: list[Summary] = []
     # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
     with (
+        server_at_hand(server),
         in_use(server_files()),
         temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
         told_to(reporter, heard.append),

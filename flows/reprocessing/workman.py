@@ -4,7 +4,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -13,6 +12,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from flows.children import our_module
 from flows.reprocessing.memory import resident_mb
 from flows.reprocessing.settings import Limits
 from tasks.atomic import sweep_temporaries
@@ -37,7 +37,7 @@ class Workman:
     def __init__(self, threads: int = 1, module: str = "flows.reprocessing.worker") -> None:
         environment = {**os.environ, **dict.fromkeys(THREADS, str(threads))}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", module],
+            our_module(module),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,

@@ -32,7 +32,11 @@ def spice_planes(
     exposures = [{**one, "xy_px": np.asarray(one["xy_px"], dtype=float).tolist()} for one in asked]
     request = {"kernels": [str(path) for path in kernels], "corrections": corrections, "exposures": exposures}
     done = subprocess.run(
-        [sys.executable, plain_spice.__file__], input=json.dumps(request), capture_output=True, text=True, check=False
+        [sys.executable, "-P", plain_spice.__file__],
+        input=json.dumps(request),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     if done.returncode != 0:
         fault = " ".join(done.stderr.split())[-500:]

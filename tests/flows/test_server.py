@@ -115,16 +115,66 @@ def test_it_stops_by_itself_when_nobody_uses_it(files: ServerFiles, monkeypatch:
     assert files.read() is None
 
 
-def test_it_stays_while_it_is_in_use(files: ServerFiles, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_uses_it_keeps_saying_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from flows import server
 
-    monkeypatch.setenv("PLANETPOSE_SERVER_IDLE_MINUTES", str(2.5 / 60))
-    monkeypatch.setattr(server, "USE_SIGNAL_S", 0.2)
-    ensure_server(files)
+    files = ServerFiles(tmp_path)
+    monkeypatch.setattr(server, "USE_SIGNAL_S", 0.01)
+    files.touch()
     with server.in_use(files):
-        time.sleep(4.5)
-        assert running_server(files) is not None
-    wait_until(lambda: not is_held(files.alive_lock))
+        for _ in range(3):
+            os.utime(files.used, (0, 0))
+            wait_until(lambda: files.used.stat().st_mtime > 0)
+
+
+class Told:
+    """A clock that shows what it is told, and a server that can only be stopped."""
+
+    def __init__(self) -> None:
+        self.now, self.stopped = 1000.0, 0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def terminate(self) -> None:
+        """Stopped."""
+        self.stopped += 1
+
+    def wait(self, _: float) -> int:
+        """At once."""
+        return 0
+
+
+DAY_S = 24 * 3600.0
+
+
+@pytest.mark.parametrize("jump_s", [0.0, DAY_S, 400 * DAY_S, -DAY_S, -400 * DAY_S, 3.0, -3.0])
+def test_a_jump_of_the_time_of_day_neither_stops_a_server_in_use_nor_keeps_one(tmp_path: Path, jump_s: float) -> None:
+    """The file of the last use is marked with the time of day. An hour of use, in which that jumps; then nobody."""
+    from flows.server_keeper import Idleness, stop_when_idle
+
+    files, told, of_day = ServerFiles(tmp_path), Told(), 1.7e9
+    files.touch()
+    os.utime(files.used, (of_day, of_day))
+    idleness = Idleness(files, told)
+
+    def passes(seconds: float) -> int:
+        nonlocal of_day
+        told.now, of_day = told.now + seconds, of_day + seconds
+        stop_when_idle(files, told, 60.0, idleness)  # type: ignore[arg-type]
+        return told.stopped
+
+    for minute in range(60):
+        if minute == 30:
+            of_day += jump_s
+            assert passes(2.0) == 0
+        for _ in range(3):
+            os.utime(files.used, (of_day, of_day))
+            assert passes(20.0) == 0
+    assert passes(38.0) == 0  # 58 s after the last sign of use; 38 s after it was noticed
+    of_day += jump_s
+    assert passes(1.0) == 0
+    assert passes(30.0) == 1
 
 
 @pytest.mark.parametrize("victim", ["server_pid", "keeper_pid", "both"])

@@ -1,0 +1,58 @@
+"""Starts planetpose with its own `catalog`, `tasks` and `flows`, whatever else is called so.
+
+Their names are general: a folder on PYTHONPATH, or the working folder, may hold a user's `tasks.py` or `flows.py`. This
+module alone has a name that nobody else has. The command `planetpose` imports it, and processes that it starts run it:
+
+    python -P planetpose_launcher.py -m flows.server_keeper ARGUMENTS
+    python -P planetpose_launcher.py ARGUMENTS OF planetpose
+
+Importing it is enough: from then on the three packages come from the folder that this file is in, in processes that
+multiprocessing starts as well, for they import the main module first.
+"""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec, PathFinder
+from pathlib import Path
+from types import ModuleType
+
+HERE = Path(__file__).resolve().parent
+PACKAGES = frozenset({"catalog", "tasks", "flows"})
+
+
+class OwnPackages:
+    """Finds the three packages beside this file, before anything else is looked at."""
+
+    @staticmethod
+    def find_spec(name: str, _: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
+        """Where a package of ours is; None for everything else."""
+        return PathFinder.find_spec(name, [str(HERE)], target) if name in PACKAGES else None
+
+
+def pin() -> None:
+    """From now on `catalog`, `tasks` and `flows` are ours; others of these names that were imported are forgotten."""
+    if OwnPackages not in sys.meta_path:
+        sys.meta_path.insert(0, OwnPackages)
+    for name in PACKAGES & sys.modules.keys():
+        found = getattr(sys.modules[name], "__file__", None)
+        if found is None or Path(found).resolve().parent.parent != HERE:
+            for known in [known for known in sys.modules if known.partition(".")[0] == name]:
+                del sys.modules[known]
+
+
+def main() -> None:
+    """The command `planetpose`; with `-m MODULE` first, that module as a program."""
+    if sys.argv[1:2] == ["-m"] and len(sys.argv) > 2:
+        import runpy
+
+        del sys.argv[:2]  # the module's name stands for the program's, as for python -m
+        runpy.run_module(sys.argv[0], run_name="__main__", alter_sys=True)
+        return
+    from flows.cli import main as command_line
+
+    command_line()
+
+
+pin()
+if __name__ == "__main__":
+    main()

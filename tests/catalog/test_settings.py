@@ -1,0 +1,66 @@
+"""Folders that planetpose keeps things in: where they are, and what to do where they cannot be."""
+
+from pathlib import Path
+
+import pytest
+
+from catalog.errors import RefusedError
+from catalog.settings import archive_folder, cache_folder, state_folder, way_out_of
+from flows.result import file_trouble
+
+FOLDERS = {
+    "PLANETPOSE_CACHE": (cache_folder, "XDG_CACHE_HOME"),
+    "PLANETPOSE_STATE": (state_folder, "XDG_STATE_HOME"),
+    "PLANETPOSE_ARCHIVE": (archive_folder, "XDG_DATA_HOME"),
+}
+
+
+@pytest.fixture(autouse=True)
+def nothing_configured(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable, (_, xdg) in FOLDERS.items():
+        monkeypatch.delenv(variable, raising=False)
+        monkeypatch.delenv(xdg, raising=False)
+
+
+@pytest.mark.parametrize("variable", FOLDERS)
+def test_a_user_without_a_home_is_told_what_to_set(variable: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def nowhere() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", nowhere)
+    folder, xdg = FOLDERS[variable]
+    with pytest.raises(RefusedError, match="HOME is not set") as refusal:
+        folder()
+    assert refusal.value.remedy.startswith(f"Set {variable} ")
+    assert way_out_of(Path("/somewhere")) is None
+    monkeypatch.setenv(xdg, "/elsewhere")
+    assert folder().is_relative_to("/elsewhere")
+    monkeypatch.setenv(variable, "/here")
+    assert folder() == Path("/here")
+
+
+@pytest.mark.parametrize("variable", FOLDERS)
+def test_a_home_that_nothing_can_be_made_in_names_the_variable(
+    variable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a file").touch()
+    monkeypatch.setenv("HOME", str(tmp_path / "a file"))
+    folder = FOLDERS[variable][0]()
+    with pytest.raises(OSError, match="a file") as trouble:
+        folder.mkdir(parents=True)
+    assert "Set PLANETPOSE_" in file_trouble(trouble.value)
+
+
+@pytest.mark.parametrize("variable", FOLDERS)
+def test_files_in_a_folder_of_ours_name_its_variable_and_others_do_not(
+    variable: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    own = FOLDERS[variable][0]()
+    assert way_out_of(own / "x" / "y") == variable
+    assert way_out_of(own) == variable
+    assert way_out_of(tmp_path) is None
+    assert way_out_of(tmp_path / "out" / "product") is None
+    denied = PermissionError(13, "Permission denied", str(own / "x"))
+    assert f"Set {variable} to a folder" in file_trouble(denied)
+    assert "Change its permissions" in file_trouble(PermissionError(13, "Permission denied", str(tmp_path / "out")))
