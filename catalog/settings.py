@@ -48,22 +48,34 @@ def archive_folder() -> Path:
     return _own_folder("XDG_DATA_HOME", ".local/share", "PLANETPOSE_ARCHIVE") / "planetpose" / "archive"
 
 
-def way_out_of(path: Path) -> str | None:
-    """The variable that moves the folder of ours in which `path` lies, or which cannot be made because of `path`:
-    PLANETPOSE_CACHE for a file of the cache, and so on; None for any other path."""
+def ways_out_of(path: Path) -> list[str]:
+    """The variables that move the folder of ours in which `path` lies, or which cannot be made because of `path`:
+    PLANETPOSE_CACHE for a file of the cache, and so on. Others of ours that cannot be made either come after it. Empty
+    for a path that is no concern of theirs."""
     path = path.absolute()
-    for variable, folder in (
-        ("PLANETPOSE_CACHE", cache_folder),
-        ("PLANETPOSE_STATE", state_folder),
-        ("PLANETPOSE_ARCHIVE", archive_folder),
-    ):
+    faulty, unusable = [], []
+    for variable, folder in OWN_FOLDERS:
         try:
             own = folder().absolute()
         except RefusedError:
             continue
         if own in (path, *path.parents) or (path in own.parents and not path.is_dir()):
-            return variable
-    return None
+            faulty.append(variable)
+        elif not _can_be_made(own):
+            unusable.append(variable)
+    return [*faulty, *unusable] if faulty else []
+
+
+def _can_be_made(folder: Path) -> bool:
+    existing = next((parent for parent in (folder, *folder.parents) if parent.exists()), Path("/"))
+    return existing.is_dir() and os.access(existing, os.W_OK | os.X_OK)
+
+
+OWN_FOLDERS = (
+    ("PLANETPOSE_CACHE", cache_folder),
+    ("PLANETPOSE_STATE", state_folder),
+    ("PLANETPOSE_ARCHIVE", archive_folder),
+)
 
 
 def _own_folder(xdg: str, below_home: str, variable: str) -> Path:
@@ -76,5 +88,5 @@ def _own_folder(xdg: str, below_home: str, variable: str) -> Path:
         raise RefusedError(
             "home-unknown",
             "HOME is not set and this user has no home folder: there is no place for what planetpose keeps.",
-            f"Set {variable} to a folder that may be written in (also PLANETPOSE_CACHE and PLANETPOSE_STATE).",
+            f"Set HOME, or {variable} and the like (PLANETPOSE_CACHE, PLANETPOSE_STATE), to folders of your own.",
         ) from error

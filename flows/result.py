@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError
-from catalog.settings import way_out_of
+from catalog.settings import ways_out_of
 from flows.chain import Chain
 from flows.guidance import guidance_of, overruled_of
 from flows.settling import settling
@@ -76,9 +76,10 @@ def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
 
 def file_trouble(error: OSError) -> str:
     """Reason of a file that could not be read or written."""
-    variable = way_out_of(Path(error.filename)) if isinstance(error.filename, str) else None
-    if variable:
-        return f"file-trouble: {without_temporaries(str(error))}. Set {variable} to a folder that may be written in."
+    variables = ways_out_of(Path(error.filename)) if isinstance(error.filename, str) else []
+    if variables:
+        remedy = f"Set {' and '.join(variables)} to what can be written in."
+        return f"file-trouble: {without_temporaries(str(error))}. {remedy}"
     forbidden = isinstance(error, PermissionError) or error.errno == EROFS
     remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
     return f"file-trouble: {without_temporaries(str(error))}. {remedy}."
