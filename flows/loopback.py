@@ -8,7 +8,7 @@ import ipaddress
 from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass
 from urllib.parse import urlsplit
-from urllib.request import ProxyHandler, build_opener, getproxies_environment, proxy_bypass_environment
+from urllib.request import ProxyHandler, build_opener, proxy_bypass
 
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 PROXIES = ("http_proxy", "https_proxy", "all_proxy")
@@ -62,7 +62,7 @@ class Proxy:
 def proxy_for(url: str, environment: Mapping[str, str]) -> Proxy | None:
     """The proxy that a request to `url` would go through; None when it goes there directly."""
     host = host_of(url)
-    if is_loopback(host) or proxy_bypass_environment(host, getproxies_environment()):
+    if is_loopback(host) or proxy_bypass(host):
         return None
     for name in (f"{urlsplit(url).scheme}_proxy", "all_proxy"):
         for variable in (name, name.upper()):

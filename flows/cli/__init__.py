@@ -1,6 +1,7 @@
 """The command line `planetpose`. A command is a module of this package that has `register(app)`; it imports what is
 heavy inside its functions, so that `planetpose --help` and cached answers come at once."""
 
+import os
 import pkgutil
 import sys
 from importlib import import_module
@@ -30,7 +31,9 @@ def build_app() -> typer.Typer:
 def main() -> None:
     """Entry point. Exit status: 0 all ok, 1 some image failed or was refused, 2 wrong usage."""
     from catalog.errors import PlanetposeError
+    from flows.loopback import keep_loopback_direct
 
+    keep_loopback_direct(os.environ)
     try:
         build_app()()
     except PlanetposeError as error:
