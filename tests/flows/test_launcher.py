@@ -98,7 +98,7 @@ def test_what_was_imported_before_under_our_names_is_forgotten(monkeypatch: pyte
     import planetpose_launcher
 
     stranger: Any = type(sys)("tasks")
-    stranger.__file__ = "/home/somebody/tasks.py"
+    stranger.__file__ = "/elsewhere/tasks.py"
     monkeypatch.setattr(sys, "modules", {"tasks": stranger, "tasks.more": stranger, "json": json})
     monkeypatch.setattr(sys, "meta_path", [])
     planetpose_launcher.pin()
