@@ -14,7 +14,7 @@ from catalog.readers import image_is_folder
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
-from catalog.target import TARGET_FOLDER, Target
+from catalog.target import TARGET_FOLDER, Target, find_target, is_target_file
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile
 
@@ -92,6 +92,13 @@ def camera_inputs(request: Request) -> Any:
     if request.camera is not None:
         return find_camera(request.camera).model_dump(mode="json", exclude_unset=True)
     return _digest_of_toml(CAMERA_FOLDER)
+
+
+def target_inputs(request: Request) -> str | dict[str, Any] | None:
+    """The target's name as the user gave it, or what the user's target file says; None leaves it to the label."""
+    if request.target is None or not is_target_file(request.target):
+        return request.target
+    return find_target(request.target).model_dump(mode="json")
 
 
 def target_names_digest() -> str:

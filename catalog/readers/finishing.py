@@ -16,6 +16,7 @@ from catalog.readers.noise import completed_noise, measured_noise, modelled_nois
 from catalog.readers.overruled import overruled_label, reminder
 from catalog.readers.reading import Reading
 from catalog.safe_name import safe_product_name
+from catalog.target import find_target, is_target_file
 
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
@@ -25,6 +26,8 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     """The Frame of a reading; `camera_name` and `target_name` override the label's."""
     name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
     camera = find_camera(name) if name else None
+    if target_name and is_target_file(target_name):
+        target_name = find_target(target_name).name
     target = target_of_label(target_name) if target_name else reading.target
     same_target = target_name is None or target == reading.target
     overruled = overruled_label(reading, camera if camera_name else None, target if target_name else None)

@@ -30,7 +30,7 @@ def correct(
     store: Annotated[str, typer.Option(help="Folder that products are published in, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
-    target: Annotated[Text, typer.Option(help="Target name; overrides the label.")] = None,
+    target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
     map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body.")] = None,
     map_left_edge_deg: Annotated[
