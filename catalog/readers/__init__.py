@@ -12,9 +12,10 @@ from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
 from catalog.readers.picture import PictureReader
 from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
+from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
 
-READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader())
+READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader())
 
 __all__ = ["READERS", "image_is_folder", "read_frame"]
 

@@ -42,7 +42,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         observation=_observation(reading, camera),
         camera=_catalog_name(name),
         target=target,
-        et=reading.et,
+        et=reading.time.et,
         exposure_s=reading.exposure_s,
         filter=reading.filter,
         undistorted=_undistorted(reading, camera),
@@ -50,7 +50,17 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         label_geometry=reading.label_geometry if same_target else None,
         label=reading.label,
         overruled=overruled,
+        warnings=(*reading.time.told, *reading.told),
+        unclear=_unclear(reading, target),
     )
+
+
+def _unclear(reading: Reading, target: str | None) -> dict[str, str]:
+    """Why time or target stay unknown although the label speaks of them."""
+    found = {"time": reading.time.fault} if reading.time.fault else {}
+    if target is None and reading.targets:
+        found["target"] = f"the label names several targets: {', '.join(reading.targets)}"
+    return found
 
 
 def _catalog_name(name: str | None) -> str | None:

@@ -169,8 +169,8 @@ def two_numbers(text: str | None) -> tuple[float, float] | None:
 
 
 def warn(result: dict[str, Any]) -> None:
-    """One line on stderr for each thing that the label says otherwise than the user."""
-    for sentence in result["guidance"]["overruled"]:
+    """One line on stderr for each thing that the label says otherwise than the user, or that is odd about the file."""
+    for sentence in (*result["guidance"]["overruled"], *result["warnings"]):
         print(f"planetpose: {result['product']}: {sentence}", file=sys.stderr, flush=True)
 
 
