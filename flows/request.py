@@ -113,13 +113,7 @@ def _digest_of_toml(folder: Path) -> str:
 
 def kernel_inputs(paths: list[Path]) -> list[list[str]]:
     """Name and content hash of every kernel offered, in the order of loading; of a meta-kernel also its members."""
-    kernels = list_kernels(paths)
-    if any(kernel.kind == "meta" for kernel in kernels):
-        from catalog.spice import kernel_pool
-
-        with kernel_pool(paths) as loaded:
-            kernels = loaded
-    return [[kernel.path.name, kernel.sha256] for kernel in kernels]
+    return [[kernel.path.name, kernel.sha256] for kernel in list_kernels(paths)]
 
 
 def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]:
