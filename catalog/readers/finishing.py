@@ -11,6 +11,7 @@ from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Frame, Observation, Quality
 from catalog.pose import PartialPose
+from catalog.readers.filling import filled
 from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.overruled import overruled_label, reminder
@@ -34,6 +35,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     if camera is not None:
         _check_size(path, reading, camera, overruled)
         reading = _in_its_units(reading, camera)
+    reading = _without_filling(reading)
     return Frame(
         product=safe_product_name(path.stem),
         path=path,
@@ -53,6 +55,16 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         warnings=(*reading.time.told, *reading.told),
         unclear=_unclear(reading, target),
     )
+
+
+def _without_filling(reading: Reading) -> Reading:
+    """The reading with filled pixels MISSING, and told. Formats whose readers know their filling keep theirs."""
+    quality = np.zeros(reading.image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
+    filling = filled(reading.image, (quality & UNUSABLE) != 0)
+    if not filling.told:
+        return reading
+    quality[filling.mask] |= np.uint16(Quality.MISSING)
+    return replace(reading, quality=quality, told=(*reading.told, *filling.told))
 
 
 def _unclear(reading: Reading, target: str | None) -> dict[str, str]:
