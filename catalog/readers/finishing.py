@@ -19,6 +19,7 @@ from catalog.readers.reading import Reading
 from catalog.safe_name import safe_product_name
 from catalog.target import find_target, is_target_file
 
+MIN_USABLE_PX = 100  # no disk that can be corrected is smaller
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
@@ -41,7 +42,7 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         path=path,
         sha256=sha256_of_file(path),
         format=reading.format,
-        observation=_observation(reading, camera),
+        observation=_observation(path, reading, camera),
         camera=_catalog_name(name),
         target=target,
         et=reading.time.et,
@@ -114,7 +115,7 @@ def _undistorted(reading: Reading, camera: Camera | None) -> bool:
     return size == camera.size_px and size != camera.detector_size_px
 
 
-def _observation(reading: Reading, camera: Camera | None) -> Observation:
+def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observation:
     with np.errstate(invalid="ignore"):
         sound = np.abs(reading.image) < NULL_MAGNITUDE  # false for NaN too
     image = np.where(sound, reading.image, 0).astype(np.float32)
@@ -123,7 +124,21 @@ def _observation(reading: Reading, camera: Camera | None) -> Observation:
     saturation = _saturation(reading, camera)
     if saturation is not None:
         quality[image >= saturation] |= np.uint16(Quality.SATURATED)
+    usable = int(np.count_nonzero((quality & UNUSABLE) == 0))
+    if usable < min(MIN_USABLE_PX, image.size / 2):
+        fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
+        raise RefusedError(
+            "no-usable-pixels",
+            f"{fault}not a number or filled: {_shares(quality)}.",
+            "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
+        )
     return Observation(image, _noise(reading, camera, image, quality), quality)
+
+
+def _shares(quality: NDArray[np.uint16]) -> str:
+    """How many pixels each flag marks."""
+    counts = {flag.name or "": int(np.count_nonzero(quality & np.uint16(flag))) for flag in Quality}
+    return ", ".join(f"{name.lower()} {count}" for name, count in counts.items() if count)
 
 
 def _saturation(reading: Reading, camera: Camera | None) -> float | None:

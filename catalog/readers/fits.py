@@ -152,6 +152,7 @@ def _reading(found: FitsContents) -> Reading:
         undistorted=undistorted if isinstance(undistorted, bool) else None,
         label=plain_label(header),
         told=foreign,
+        flags_from="its extension QUALITY",
     )
 
 

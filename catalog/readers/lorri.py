@@ -53,6 +53,7 @@ def reading(path: Path, header: dict[str, Any], image: NDArray[Any], extensions:
         exposure_s=exposure_s,
         raw_dn=True,
         label_pose=_pose(path, header),
+        flags_from="its extension of quality flags",
         label=plain_label({**header, "ROWS_REVERSED_BY_READER": True}),
     )
 

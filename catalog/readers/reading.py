@@ -26,7 +26,8 @@ class Reading:
     flags. noise: 1-sigma (ny, nx) when the file carries it. instrument_names: every "HOST/INSTRUMENT" spelling that the
     label gives, compared with `Camera.label_names`. raw_dn: values are the camera's own data numbers, so that the
     camera's noise model and saturation level apply. undistorted: None leaves it to the frame's size. targets: all that
-    the label names. told: what the user ought to know of how the file was read, a sentence each.
+    the label names. told: what the user ought to know of how the file was read, a sentence each. flags_from: whose
+    `quality` is.
     """
 
     format: str
@@ -45,6 +46,7 @@ class Reading:
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
     told: tuple[str, ...] = ()
+    flags_from: str = "the flags of its format"
 
     @property
     def target(self) -> str | None:

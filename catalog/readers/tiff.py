@@ -7,6 +7,8 @@ were never written, and of GDAL's no-data value, are MISSING.
 
 import struct
 import warnings
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +21,13 @@ from catalog.readers.reading import Reading, checked_shape, unreadable
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 REMEDY_GREY = "Give one grey channel: whole numbers of up to 32 bits or floats, for example by `gdal_translate -b 1`."
-PHOTOMETRIC_TAG, ORIENTATION_TAG = 262, 274
+SUBFILE_TAG, PHOTOMETRIC_TAG, ORIENTATION_TAG = 254, 262, 274
+REDUCED_OR_MASK = 1 | 4
+LONG = 4
 WHITE_IS_ZERO, PALETTE = 0, 3
 MAX_TAGS = 4000
 MAX_BLOCKS = 1_000_000
+MAX_DIRECTORIES = 50
 
 
 class TiffReader:
@@ -39,14 +44,15 @@ class TiffReader:
         from rasterio.io import MemoryFile
 
         content = path.read_bytes()  # from memory: GDAL neither sees the path's syntax nor the files beside it
+        tags = _first_directory(path, content)
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 with MemoryFile(content) as file, file.open(driver="GTiff") as picture:
-                    pixels, quality = _grey_pixels(path, picture, _tag(content, PHOTOMETRIC_TAG))
+                    pixels, quality = _grey_pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1))
         except (RasterioError, CPLE_BaseError, OSError, ValueError, TypeError, LookupError, ArithmeticError) as error:
             raise unreadable(path, f"no sound TIFF ({' '.join(str(error).split())})") from error
-        turn = _tag(content, ORIENTATION_TAG)
+        turn = tags.get(ORIENTATION_TAG, 1)
         return Reading(
             format="picture",
             image=_upright(pixels, turn),
@@ -57,9 +63,6 @@ class TiffReader:
 
 def _grey_pixels(path: Path, picture: Any, photometric: int) -> tuple[NDArray[Any], NDArray[np.uint16]]:
     checked_shape(path, picture.height, picture.width)
-    if len(picture.subdatasets) > 1:
-        fault = f"image {path}: it has several pages ({len(picture.subdatasets)})."
-        raise RefusedError("image-not-2d", fault, "Give one picture.")
     kind = str(picture.dtypes[0])
     tags = picture.tags(ns="IMAGE_STRUCTURE") | picture.tags(1, ns="IMAGE_STRUCTURE")
     white_is_zero = photometric == WHITE_IS_ZERO
@@ -97,22 +100,40 @@ def _never_written(path: Path, picture: Any) -> NDArray[np.bool_]:
     return missing
 
 
-def _tag(content: bytes, wanted: int) -> int:
-    """The first value of a tag of short numbers, 1 without it: what GDAL does not tell of the first picture."""
+def _directories(content: bytes) -> Iterator[dict[int, int]]:
+    """Of each picture in the file, in order, the first value of its tags of short numbers: what GDAL does not tell."""
     order = "<" if content[:2] == b"II" else ">"
     big = content[2:4] in (b"+\0", b"\0+")
+    word, counter, entry_bytes, value_at = ("Q", "Q", 20, 12) if big else ("I", "H", 12, 8)
     try:
-        (place,) = struct.unpack_from(order + ("Q" if big else "I"), content, 8 if big else 4)
-        (count,) = struct.unpack_from(order + ("Q" if big else "H"), content, place)
-        place += 8 if big else 2
-        for number in range(min(count, MAX_TAGS)):
-            entry = place + number * (20 if big else 12)
-            (tag,) = struct.unpack_from(order + "H", content, entry)
-            if tag == wanted:
-                return int(struct.unpack_from(order + "H", content, entry + (12 if big else 8))[0])
+        (place,) = struct.unpack_from(order + word, content, 8 if big else 4)
+        while place:
+            (count,) = struct.unpack_from(order + counter, content, place)
+            first = place + struct.calcsize(order + counter)
+            entries = [first + number * entry_bytes for number in range(min(count, MAX_TAGS))]
+            yield {
+                struct.unpack_from(order + "H", content, entry)[0]: _value(content, entry, order, value_at)
+                for entry in entries
+            }
+            (place,) = struct.unpack_from(order + word, content, first + count * entry_bytes)
     except struct.error:
-        return 1
-    return 1
+        return  # GDAL tells what is wrong
+
+
+def _value(content: bytes, entry: int, order: str, value_at: int) -> int:
+    (kind,) = struct.unpack_from(order + "H", content, entry + 2)
+    found: int = struct.unpack_from(order + ("I" if kind == LONG else "H"), content, entry + value_at)[0]
+    return found
+
+
+def _first_directory(path: Path, content: bytes) -> dict[int, int]:
+    """Tags of the only picture; smaller copies and masks of it, which may follow, do not count."""
+    directories = list(islice(_directories(content), MAX_DIRECTORIES))
+    pages = [tags for tags in directories[1:] if not tags.get(SUBFILE_TAG, 0) & REDUCED_OR_MASK]
+    if pages or len(directories) == MAX_DIRECTORIES:
+        fault = f"image {path}: it has several pages ({len(pages) + 1} or more)."
+        raise RefusedError("image-not-2d", fault, "Give one picture.")
+    return directories[0] if directories else {}
 
 
 def _upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:

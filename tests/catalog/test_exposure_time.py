@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from small_vicar import fits_with, voyager_with_label
 
 from catalog.errors import RefusedError
-from catalog.observation import Frame
+from catalog.observation import Frame, Quality
 from catalog.pose import PartialPose
 from catalog.readers import read_frame
 from catalog.readers.exposure_time import claim, exposure_time
@@ -241,8 +241,8 @@ def test_the_one_target_that_is_known_is_meant(value: str, target: str | None, t
 def test_another_pipeline_s_flags_are_left_alone_and_told(tmp_path: Path) -> None:
     image = np.random.default_rng(0).normal(20, 5, (40, 50)).astype(np.float32)
 
-    def read(name: str, marks: dict[str, str], origin: str = "") -> Frame:
-        plane = fits.ImageHDU(np.ones(image.shape, np.int32), fits.Header(marks), name=name)
+    def read(name: str, marks: dict[str, str], origin: str = "", bits: int = 1) -> Frame:
+        plane = fits.ImageHDU(np.full(image.shape, bits, np.int32), fits.Header(marks), name=name)
         primary = fits.PrimaryHDU(image, fits.Header({"ORIGIN": origin} if origin else {}))
         fits.HDUList([primary, plane]).writeto(tmp_path / "a.fits", overwrite=True)
         return read_frame(tmp_path / "a.fits")
@@ -251,7 +251,15 @@ def test_another_pipeline_s_flags_are_left_alone_and_told(tmp_path: Path) -> Non
         frame = read(name, {}, "STScI")
         assert not frame.observation.quality.any(), name
         assert name.upper() in frame.warnings[0]
-    for frame in (read("QUALITY", {"FLAGS": "planetpose"}), read("QUALITY", {}, "planetpose")):
-        assert (frame.observation.quality == 1).all()
+    for frame in (read("QUALITY", {"FLAGS": "planetpose"}, bits=1024), read("QUALITY", {}, "planetpose", 1024)):
+        assert (frame.observation.quality == Quality.SUSPECT).all()
         assert frame.warnings == ()
     assert read("NOISE", {}).warnings == ()
+
+
+def test_flags_that_leave_no_pixel_are_named(tmp_path: Path) -> None:
+    image = np.random.default_rng(0).normal(20, 5, (40, 50)).astype(np.float32)
+    plane = fits.ImageHDU(np.ones(image.shape, np.int32), fits.Header({"FLAGS": "planetpose"}), name="QUALITY")
+    fits.HDUList([fits.PrimaryHDU(image), plane]).writeto(tmp_path / "a.fits")
+    with pytest.raises(RefusedError, match=r"a\.fits: 0 of its 2000 .*extension QUALITY.*missing 2000"):
+        read_frame(tmp_path / "a.fits")
