@@ -35,7 +35,7 @@ def et_from_time(text: str, scale: str) -> float:
     """
     match = TIME.fullmatch(text.strip())
     if match is None:
-        raise ValueError(f"{text!r} is no time such as {EXAMPLE}")
+        raise ValueError(f"{text!r} is no {scale.upper()} such as {EXAMPLE}")
     year, month, day, day_of_year, hour, minute, second, offset_h, offset_min = match.groups()
     if hour is None:
         raise DayOnlyError(f"{text!r} is a day without a time of day")
@@ -74,7 +74,7 @@ def _et_by_astropy(value: str | float, form: str, scale: str, text: str, seconds
             return float((time.tdb - Time(J2000_TT_JD, format="jd", scale="tdb")).sec)
     except (ValueError, IndexError) as error:
         why = " (UT1 is not known then)" if scale == "ut1" else ""
-        raise ValueError(f"{text!r} is no time such as {EXAMPLE}{why}") from error
+        raise ValueError(f"{text!r} is no {scale.upper()} such as {EXAMPLE}{why}") from error
 
 
 def _is_leap_second(day: date, hour: str, minute: str, scale: str) -> bool:
