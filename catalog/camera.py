@@ -1,7 +1,6 @@
 """A camera is one TOML file: the pinhole geometry of its undistorted frame, raw detector, noise, PSF and kernels."""
 
 import math
-import tomllib
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.plain_files import read_toml_file
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
@@ -131,8 +131,8 @@ def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
 def read_camera_file(path: Path) -> Camera:
     """Camera of a TOML file. Raises RefusedError when the file cannot be read or lacks something."""
     try:
-        content = tomllib.loads(Path(path).read_text())
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = read_toml_file(Path(path))
+    except (OSError, ValueError) as error:
         raise RefusedError(
             "camera-file-unreadable",
             f"camera file {path} cannot be read: {error}.",

@@ -58,7 +58,8 @@ class Frame:
     label_pose: the parts of the pose that the label knows outright (LORRI). label_geometry: the scalars from which a
     pose can be built (Galileo), see `catalog.label_geometry`. undistorted: the frame is already in the camera's
     undistorted geometry (GEOMED). label: the flat label, for provenance. overruled: what the label says otherwise than
-    the user, who is believed.
+    the user, who is believed. warnings: what else the user ought to know of the file, a sentence each. unclear: why
+    `time` or `target` are None although the label speaks of them.
     """
 
     product: str
@@ -76,6 +77,8 @@ class Frame:
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
     overruled: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    unclear: dict[str, str] = field(default_factory=dict)
 
     def replaced(self, **changes: Any) -> "Frame":
         """Copy with some fields replaced."""

@@ -5,10 +5,8 @@ from difflib import get_close_matches
 from pathlib import Path
 
 from catalog.errors import RefusedError
-from catalog.spice import kernel_pool, list_kernels
+from catalog.spice import kernel_pool
 from catalog.target import RotationModel, Target
-
-TEXT_KINDS = ("lsk", "pck", "fk", "meta", "other")
 
 
 def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
@@ -18,8 +16,7 @@ def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
     """
     import spiceypy
 
-    text_kernels = [kernel.path for kernel in list_kernels(kernels) if kernel.kind in TEXT_KINDS]
-    with kernel_pool(text_kernels):
+    with kernel_pool(kernels):
         try:
             naif_id = spiceypy.bods2c(name_or_id)
         except spiceypy.NotFoundError:

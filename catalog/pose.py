@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
+from catalog.plain_files import read_json_file
 from catalog.rotation import checked_rotation
 from catalog.times import et_from_utc, utc_from_et
 
@@ -191,13 +192,13 @@ def read_pose_file(path: Path) -> PartialPose:
     """Read a pose file (JSON). Raises RefusedError naming the file, the fault and the remedy."""
     remedy = "See the README's section on pose files for the keys and their shapes."
     try:
-        content = json.loads(Path(path).read_text())
+        content = read_json_file(Path(path))
         partial = PartialPose.from_dict(content)
         _check_times_agree(content)
         return partial
-    except (OSError, UnicodeDecodeError) as error:
+    except OSError as error:
         raise RefusedError("pose-file-unreadable", f"pose file {path} cannot be read ({error}).", remedy) from error
-    except (json.JSONDecodeError, ValueError) as error:
+    except ValueError as error:
         raise RefusedError("pose-file-invalid", f"pose file {path}: {error}.", remedy) from error
 
 

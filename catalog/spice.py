@@ -3,36 +3,46 @@
 SPICE's kernel pool and its error state are global to the process and not thread-safe: everything here holds one lock.
 """
 
+import tempfile
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
 
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
 }  # fmt: skip
 BINARY_SUFFIXES = (".bsp", ".bc", ".bpc")
 KIND_ORDER = ("lsk", "pck", "fk", "ik", "sclk", "spk", "ck", "other", "meta")
+MAX_META_DEPTH = 10
 
 _POOL_LOCK = threading.RLock()
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """One kernel file: its kind (lsk, pck, fk, ik, sclk, spk, ck, meta, other) and where it is."""
+    """One kernel file: its kind (lsk, pck, fk, ik, sclk, spk, ck, meta, other) and where it is. furnished: what SPICE
+    was given in its place (a short link, or a copy that it reads whole); None for the file itself."""
 
     path: Path
     kind: str
+    furnished: Path | None = None
 
     @property
     def sha256(self) -> str:
         """Hex digest of the file's content."""
         return sha256_of_file(self.path)
+
+    @property
+    def for_spice(self) -> str:
+        """The path that SPICE knows it by."""
+        return str(self.furnished or self.path)
 
     def provenance(self) -> dict[str, str]:
         """Name and content hash, for the product."""
@@ -40,43 +50,61 @@ class Kernel:
 
 
 def kernel_kind(path: Path) -> str:
-    """Kind of a kernel by its suffix; `other` when the suffix says nothing (SPICE looks inside)."""
-    return "meta" if path.suffix.lower() == ".tm" else KIND_OF_SUFFIX.get(path.suffix.lower(), "other")
+    """Kind of a kernel by its content; by its suffix where that says nothing, and for a file that is not there; `other`
+    when neither does."""
+    by_suffix = "meta" if path.suffix.lower() == ".tm" else KIND_OF_SUFFIX.get(path.suffix.lower(), "other")
+    if not path.is_file():
+        return by_suffix
+    word = id_word(path)
+    if is_binary(path):
+        return word if word in KIND_ORDER else by_suffix
+    if path.suffix.lower() in BINARY_SUFFIXES:
+        return by_suffix  # refused when it is furnished
+    if read_text_kernel(path).is_meta:
+        return "meta"
+    return word if word in KIND_ORDER else by_suffix.replace("meta", "other")
 
 
 def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     """Kernels to furnish, in order: by type (lsk, pck, fk, ik, sclk, spk, ck), within a type as given, folders searched
-    recursively by sorted name for known suffixes, meta-kernels last. SPICE prefers what comes later.
+    recursively by sorted name for known suffixes, meta-kernels last, each followed by what it names. SPICE prefers what
+    comes later.
 
-    Raises RefusedError naming a path that does not exist.
+    Raises RefusedError naming a path that does not exist, and a text kernel that holds nothing.
     """
-    kernels: list[Kernel] = []
+    files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
-            found = sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
-            kernels += [Kernel(p, kernel_kind(p)) for p in found]
+            files += sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
         elif path.is_file():
-            kernels.append(Kernel(path, kernel_kind(path)))
+            files.append(path)
         else:
             raise RefusedError("kernel-missing", f"kernel {path} does not exist.", "Give a kernel file or a folder.")
-    return sorted(kernels, key=lambda kernel: KIND_ORDER.index(kernel.kind))
+    kernels = sorted((Kernel(path, kernel_kind(path)) for path in files), key=lambda k: KIND_ORDER.index(k.kind))
+    return [each for kernel in kernels for each in _with_members(kernel, ())]
+
+
+def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> list[Kernel]:
+    """A kernel, and what it names if it is a meta-kernel, in its own order; meta-kernels may name others."""
+    if kernel.kind != "meta":
+        return [kernel]
+    path = kernel.path.resolve()
+    if path in above or len(above) >= MAX_META_DEPTH:
+        fault = f"meta-kernel {kernel.path} names itself, over {', '.join(other.name for other in above)}."
+        raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
+    found = [kernel]
+    for member in members_of(kernel.path, read_text_kernel(kernel.path)):
+        found += _with_members(Kernel(member, kernel_kind(member)), (*above, path))
+    return found
 
 
 def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
     """Raises RefusedError naming a folder without kernels, or a file that SPICE would read as an empty text kernel: an
     image whose label has the geometry would be corrected without them in silence."""
     for path in map(Path, paths):
-        if path.is_dir() and not list_kernels([path]):
+        if not list_kernels([path]):
             fault = f"the folder {path} holds no kernel ({', '.join((*KIND_OF_SUFFIX, '.tm'))})."
             raise RefusedError("kernel-missing", fault, "Give a folder that does, or kernel files.")
-        if path.is_file() and kernel_kind(path) == "other" and not _looks_like_a_kernel(path):
-            fault = f"kernel {path} is neither a binary SPICE file nor a text with \\begindata."
-            raise RefusedError("kernel-unreadable", fault, "Give kernels of the SPICE formats.")
-
-
-def _looks_like_a_kernel(path: Path) -> bool:
-    head = path.read_bytes()
-    return head.startswith((b"DAF/", b"DAS/", b"NAIF/")) or b"\\begindata" in head
 
 
 @contextmanager
@@ -89,20 +117,51 @@ def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
     import spiceypy
 
     wanted = list_kernels(paths)
-    with _POOL_LOCK:
+    with _POOL_LOCK, ExitStack() as until_unloaded:
         was_empty = _pool_is_empty()
         loaded: list[Kernel] = []
+        furnished: list[str] = []
         try:
             for kernel in wanted:
-                loaded.append(kernel)  # first: a meta-kernel that fails half-way must be unloaded too
-                _furnish(kernel)
-            yield loaded + _members_of_meta_kernels(loaded)
+                ready = _readable(kernel, until_unloaded)
+                loaded.append(ready)
+                if ready.kind != "meta" or ready.furnished:
+                    furnished.append(ready.for_spice)  # first: what fails half-way must be unloaded too
+                    _furnish(ready)
+            yield loaded
         finally:
             if was_empty:
                 spiceypy.kclear()  # unloading one text kernel makes SPICE read all others again: 1 s instead of 1 ms
             else:
-                for kernel in reversed(loaded):
-                    spiceypy.unload(str(kernel.path))
+                for path in reversed(furnished):
+                    spiceypy.unload(path)
+
+
+def _readable(kernel: Kernel, until_unloaded: ExitStack) -> Kernel:
+    """The kernel in a form that SPICE reads whole: under a path of at most 255 characters, its text with what SPICE
+    would pass over, a meta-kernel without the kernels that it names, which are furnished one by one."""
+    if kernel.path.suffix.lower() in BINARY_SUFFIXES and not is_binary(kernel.path):
+        raise RefusedError(  # SPICE would take it for an empty text kernel
+            "kernel-unreadable",
+            f"kernel {kernel.path} is no binary SPICE file.",
+            "Fetch it again; it may be cut short.",
+        )
+    statements = None
+    if not is_binary(kernel.path):
+        text = read_text_kernel(kernel.path)
+        statements = text.own if kernel.kind == "meta" else () if text.as_spice_reads else text.statements
+    if not statements and (kernel.kind == "meta" or len(str(kernel.path)) <= MAX_PATH):
+        return kernel
+    folder = Path(until_unloaded.enter_context(tempfile.TemporaryDirectory(prefix="kernel-")))
+    place = folder / f"kernel{kernel.path.suffix[:20]}"
+    if statements:
+        lines = [line for statement in statements for line in statement.lines()]
+        place.write_text(
+            "\n".join(["KPL/MK" if kernel.kind == "meta" else "", "\\begindata", *lines, ""]), encoding="latin-1"
+        )
+    else:
+        place.symlink_to(kernel.path.absolute())
+    return Kernel(kernel.path, kernel.kind, place)
 
 
 def _pool_is_empty() -> bool:
@@ -114,38 +173,17 @@ def _pool_is_empty() -> bool:
         return True
 
 
-def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(3)
-
-
 def _furnish(kernel: Kernel) -> None:
     import spiceypy
 
-    if kernel.path.suffix.lower() in BINARY_SUFFIXES and _head(kernel.path) not in (b"DAF", b"NAI"):
-        raise RefusedError(  # SPICE would take it for an empty text kernel
-            "kernel-unreadable",
-            f"kernel {kernel.path} is no binary SPICE file.",
-            "Fetch it again; it may be cut short.",
-        )
     try:
-        spiceypy.furnsh(str(kernel.path))
+        spiceypy.furnsh(kernel.for_spice)
     except spiceypy.utils.exceptions.SpiceyError as error:
         raise RefusedError(
             "kernel-unreadable",
             f"SPICE cannot load kernel {kernel.path}: {spice_message(error)}.",
             "Give kernels of the SPICE formats; the paths inside a meta-kernel must exist.",
         ) from error
-
-
-def _members_of_meta_kernels(loaded: list[Kernel]) -> list[Kernel]:
-    import spiceypy
-
-    sources = {str(kernel.path) for kernel in loaded if kernel.kind == "meta"}
-    if not sources:
-        return []
-    entries = [spiceypy.kdata(i, "ALL") for i in range(spiceypy.ktotal("ALL"))]
-    return [Kernel(Path(name), kernel_kind(Path(name))) for name, _, source, _ in entries if source in sources]
 
 
 def spice_message(error: Any) -> str:

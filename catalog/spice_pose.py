@@ -183,8 +183,8 @@ def _covered(body: int, et: float, loaded: list[Kernel]) -> bool:
     import spiceypy
 
     for kernel in loaded:
-        if kernel.kind != "spk" or body not in spiceypy.spkobj(str(kernel.path)):
+        if kernel.kind != "spk" or body not in spiceypy.spkobj(kernel.for_spice):
             continue
-        if spiceypy.wnelmd(et, spiceypy.spkcov(str(kernel.path), body)):
+        if spiceypy.wnelmd(et, spiceypy.spkcov(kernel.for_spice, body)):
             return True
     return False

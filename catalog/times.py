@@ -1,27 +1,89 @@
-"""UTC and TDB without a leap-second kernel, by astropy (which carries the leap seconds)."""
+"""Times of several scales as TDB and back, without a leap-second kernel: by astropy, which carries the leap seconds."""
 
-from datetime import UTC, datetime
+import re
+from contextlib import nullcontext
+from datetime import UTC, date, datetime, timedelta
 
 J2000_TT_JD = 2451545.0
+GPS_BEHIND_TAI_S = 19.0
+TIME = re.compile(
+    r"(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))"  # calendar day, or day of the year
+    r"(?:[T ](\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d*)?))?)?"
+    r" ?(?:Z|UTC?|([+-]\d{2}):?(\d{2}))?",
+)
+EXAMPLE = "2000-05-22T23:52:05.277Z"
+
+
+class DayOnlyError(ValueError):
+    """A day without a time of day."""
 
 
 def et_from_utc(utc: str) -> float:
-    """TDB seconds past J2000 of an ISO UTC time (`2000-05-22T23:52:05.277Z` or `2015-195T00:35:54.780`).
+    """TDB seconds past J2000 of an ISO UTC time (`2000-05-22T23:52:05.277Z` or `2015-195T00:35:54.780`; an offset such
+    as +02:00 is obeyed).
 
-    Raises ValueError for a text that is no time.
+    Raises ValueError for a text that is no time, and for a day without a time of day.
     """
-    from astropy.time import Time
+    return et_from_time(utc, "utc")
 
-    text = utc.strip().removesuffix("Z")
-    day_of_year = len(text) > 8 and text[4] == "-" and text[8] == "T"
+
+def et_from_time(text: str, scale: str) -> float:
+    """TDB seconds past J2000 of an ISO time in one of astropy's scales (utc, tdb, tt, tai, ut1, tcb, tcg) or in gps.
+
+    Raises ValueError for what is no time of that scale: a second 60 must be a leap second; UT1 is known while IERS has
+    told it; and DayOnlyError for a day without a time of day.
+    """
+    match = TIME.fullmatch(text.strip())
+    if match is None:
+        raise ValueError(f"{text!r} is no {scale.upper()} such as {EXAMPLE}")
+    year, month, day, day_of_year, hour, minute, second, offset_h, offset_min = match.groups()
+    if hour is None:
+        raise DayOnlyError(f"{text!r} is a day without a time of day")
     try:
-        if day_of_year:
-            time = Time(f"{text[:4]}:{text[5:].replace('T', ':')}", format="yday", scale="utc")
-        else:
-            time = Time(text, format="isot", scale="utc")
-    except ValueError as error:
-        raise ValueError(f"{utc!r} is no UTC such as 2000-05-22T23:52:05.277Z") from error
-    return float((time.tdb - Time(J2000_TT_JD, format="jd", scale="tdb")).sec)
+        first = date(int(year), 1, 1)
+        day_meant = first + timedelta(int(day_of_year) - 1) if day_of_year else date(int(year), int(month), int(day))
+    except (ValueError, OverflowError) as error:
+        raise ValueError(f"{text!r} is no day of the calendar") from error
+    if day_meant.year != int(year) or (
+        float(second or 0) >= 60 and not _is_leap_second(day_meant, hour, minute, scale)
+    ):
+        raise ValueError(f"{text!r} is no time: there is no such day, or no such second")
+    et = _et_by_astropy(f"{day_meant.isoformat()}T{int(hour):02d}:{minute}:{second or '00'}", "isot", scale, text)
+    if offset_h is None:
+        return et
+    return et - 60.0 * (60 * int(offset_h) + (-1 if offset_h.startswith("-") else 1) * int(offset_min))
+
+
+def et_from_mjd(days: float, scale: str, seconds: float = 0.0) -> float:
+    """TDB seconds past J2000 of a Modified Julian Date of `scale` (see `et_from_time`) and seconds after it. Raises
+    ValueError as `et_from_time` does."""
+    return _et_by_astropy(days, "mjd", scale, f"MJD {days}", seconds)
+
+
+def _et_by_astropy(value: str | float, form: str, scale: str, text: str, seconds: float = 0.0) -> float:
+    from astropy.time import Time, TimeDelta
+    from astropy.utils.iers import conf
+
+    after_s = seconds + (GPS_BEHIND_TAI_S if scale == "gps" else 0.0)
+    offline = conf.set_temp("auto_download", False) if scale == "ut1" else nullcontext()
+    try:
+        with offline:
+            time = Time(value, format=form, scale="tai" if scale == "gps" else scale)
+            if after_s:
+                time = time + TimeDelta(after_s, format="sec")
+            return float((time.tdb - Time(J2000_TT_JD, format="jd", scale="tdb")).sec)
+    except (ValueError, IndexError) as error:
+        why = " (UT1 is not known then)" if scale == "ut1" else ""
+        raise ValueError(f"{text!r} is no {scale.upper()} such as {EXAMPLE}{why}") from error
+
+
+def _is_leap_second(day: date, hour: str, minute: str, scale: str) -> bool:
+    """Whether second 60 of a minute is UTC's leap second at the end of a day."""
+    import erfa
+
+    after = day + timedelta(1)
+    known = {(int(entry["year"]), int(entry["month"])) for entry in erfa.leap_seconds.get() if entry["year"] >= 1972}
+    return scale == "utc" and (hour, minute) == ("23", "59") and after.day == 1 and (after.year, after.month) in known
 
 
 def utc_from_et(et: float) -> str:

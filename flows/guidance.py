@@ -1,9 +1,9 @@
 """How the user helped or overruled the corrections of one image: where they start, what they hold, what they mask."""
 
-import json
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.plain_files import read_json_file
 from catalog.pose import PartialPose
 from flows.request import Request
 
@@ -43,7 +43,7 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
         candidates = (path / RESULT, path / name / RESULT, path / f"{name}.pose.json")
         path = next((candidate for candidate in candidates if candidate.is_file()), path / RESULT)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json_file(path)
         pose = content.get("pose", content) if isinstance(content, dict) else None
         if not isinstance(pose, dict):
             raise ValueError("it holds no corrected pose")

@@ -19,6 +19,7 @@ from flows.request import (
     digest_of,
     kernel_inputs,
     projected_target,
+    target_inputs,
     target_names_digest,
 )
 from flows.result import result_of
@@ -76,7 +77,7 @@ def ingest(chain: Chain) -> dict[str, Any]:
     inputs = {
         "image": digest_of(request.image, "image"),
         "camera": camera_inputs(request),
-        "target_name": request.target,
+        "target_name": target_inputs(request),
         "target_names": target_names_digest(),
         "product": request.product,
     } | label_inputs(request.image)
@@ -90,7 +91,8 @@ def image_places(chain: Chain) -> dict[str, Any]:
 
 def image_inputs(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
     """What the pixels and the label depend on."""
-    inputs = {"image": frame["sha256"], "camera": frame["camera"], "target_name": chain.request.target}
+    inputs = {"image": frame["sha256"], "camera": frame["camera"]}
+    inputs["target_name"] = target_inputs(chain.request)
     return inputs | label_inputs(chain.request.image)
 
 

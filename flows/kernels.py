@@ -33,7 +33,7 @@ def kernels_of(
     with kernel_pool(kernels) as loaded:
         for name, members in sorted(_groups(exposures, per_image).items()):
             sets.append((write_kernel_set(name, members, folder, loaded), members))
-        in_order = [kernel.path for kernel in loaded if kernel.kind != "meta"]
+        in_order = [Path(kernel.for_spice) for kernel in loaded if kernel.kind != "meta"]
     return [told(kernel_set, members, in_order if check else None) for kernel_set, members in sets]
 
 

@@ -1,6 +1,5 @@
 """A profile chooses every step's brick and settings. It is a TOML file; what it leaves out keeps its default."""
 
-import tomllib
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.plain_files import read_toml_file
 from tasks.attitude import AttitudeSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
@@ -146,14 +146,15 @@ def find_profile(name_or_file: str) -> Profile:
 def read_profile(path: Path) -> Profile:
     """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        return Profile.model_validate({"name": path.stem, **content})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        content = read_toml_file(path)
+    except (OSError, ValueError) as error:
         raise RefusedError(
             "profile-unreadable",
             f"profile {path} cannot be read: {error}.",
             f"Give a TOML file, or one of {', '.join(known_profiles())}.",
         ) from error
+    try:
+        return Profile.model_validate({"name": path.stem, **content})
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
         raise RefusedError(

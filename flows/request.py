@@ -14,7 +14,7 @@ from catalog.readers import image_is_folder
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
-from catalog.target import TARGET_FOLDER, Target
+from catalog.target import TARGET_FOLDER, Target, find_target, is_target_file
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile
 
@@ -94,6 +94,13 @@ def camera_inputs(request: Request) -> Any:
     return _digest_of_toml(CAMERA_FOLDER)
 
 
+def target_inputs(request: Request) -> str | dict[str, Any] | None:
+    """The target's name as the user gave it, or what the user's target file says; None leaves it to the label."""
+    if request.target is None or not is_target_file(request.target):
+        return request.target
+    return find_target(request.target).model_dump(mode="json")
+
+
 def target_names_digest() -> str:
     """Content of the catalog's target files, whose spellings labels are compared with."""
     return _digest_of_toml(TARGET_FOLDER)
@@ -106,13 +113,7 @@ def _digest_of_toml(folder: Path) -> str:
 
 def kernel_inputs(paths: list[Path]) -> list[list[str]]:
     """Name and content hash of every kernel offered, in the order of loading; of a meta-kernel also its members."""
-    kernels = list_kernels(paths)
-    if any(kernel.kind == "meta" for kernel in kernels):
-        from catalog.spice import kernel_pool
-
-        with kernel_pool(paths) as loaded:
-            kernels = loaded
-    return [[kernel.path.name, kernel.sha256] for kernel in kernels]
+    return [[kernel.path.name, kernel.sha256] for kernel in list_kernels(paths)]
 
 
 def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]:

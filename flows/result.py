@@ -22,6 +22,7 @@ EMPTY: dict[str, Any] = {
     "utc": None,
     "pose_source": None,
     "profile": None,
+    "warnings": [],
     "guidance": {"start_offset_px": None, "held": [], "mask": None, "resumed_from": None, "overruled": []},
     "centre_px": None,
     "offset_px": None,
@@ -90,6 +91,7 @@ def known_before_correction(chain: Chain) -> dict[str, Any]:
     frame, pose = chain.result("ingest"), chain.result("pose")
     known: dict[str, Any] = {}
     if frame:
+        known |= {"warnings": frame.get("warnings", [])}
         known |= {"camera": frame["camera"]["name"], "target": frame["target_name"]}
     if pose:
         known |= {"target": pose["target"]["name"], "utc": pose["pose"]["utc"], "pose_source": pose["source"]}

@@ -60,12 +60,20 @@ def load_observation(folder: Path) -> Observation:
 
 def frame_of(work: Work) -> Frame:
     """The image file of the work, read with the user's camera and target."""
-    return _frame(work.place("image"), work.inputs["image"], work.places.get("camera"), work.inputs.get("target_name"))
+    given = given_target_of(work)
+    name = work.inputs.get("target_name") if given is None else given.name
+    return _frame(work.place("image"), work.inputs["image"], work.places.get("camera"), name)
 
 
 @lru_cache(maxsize=IMAGES_IN_MEMORY)
 def _frame(path: Path, sha256: str, camera: str | None, target: str | None) -> Frame:  # noqa: ARG001 - sha256 is a key
     return read_frame(path, camera, target)
+
+
+def given_target_of(work: Work) -> Target | None:
+    """The target of the user's own file; None where the user gave a name or nothing."""
+    given = work.inputs.get("target_name")
+    return Target.model_validate(given) if isinstance(given, dict) else None
 
 
 def camera_of(work: Work) -> Camera:

@@ -1,9 +1,10 @@
 """Add to an image list what a folder or a PDS3 index holds, and check a list against the files it names."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalog.camera import find_camera
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.lists.kernel_sets import expanded
@@ -13,6 +14,7 @@ from catalog.lists.model import ImageEntry, ImageList
 from catalog.lists.pds_index import index_entries
 from catalog.lists.scan import scan_folder
 from catalog.lists.tables import Row
+from catalog.target import find_target, is_target_file
 
 
 @dataclass(frozen=True)
@@ -115,13 +117,13 @@ def faults_of_entry(
         elif expected.get(what) and sha256_of_file(path) != expected[what]:
             yield f"{entry.product}: the content of its {what} {path} is not what the list says", None
     if entry.camera and entry.camera.endswith(".toml"):
-        yield from _fault_of_camera(image_list.folder / entry.camera)
+        yield from _fault_of(find_camera, image_list.folder / entry.camera)
+    if entry.target and is_target_file(entry.target):
+        yield from _fault_of(find_target, image_list.folder / entry.target)
 
 
-def _fault_of_camera(path: Path) -> Iterator[tuple[str, None]]:
-    from catalog.camera import find_camera
-
+def _fault_of(find: Callable[[str], object], path: Path) -> Iterator[tuple[str, None]]:
     try:
-        find_camera(str(path))
+        find(str(path))
     except RefusedError as refusal:
         yield refusal.fault, None

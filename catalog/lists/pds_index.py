@@ -11,16 +11,23 @@ from catalog.errors import RefusedError
 from catalog.lists.model import ImageEntry
 from catalog.lists.tables import Row
 from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
-from catalog.readers.label_values import middle_et, number, text
-from catalog.readers.names import camera_of_names, instrument_names, target_of_label
+from catalog.readers.exposure_time import Place, claim, exposure_time
+from catalog.readers.label_values import number, text
+from catalog.readers.names import camera_of_names, instrument_names, sole_target, targets_of_label
 from catalog.safe_name import safe_product_name
-from catalog.times import et_from_utc, utc_from_et
+from catalog.times import utc_from_et
 
 MAX_ROW_BYTES = 100_000
 LONGER = 5  # times an image's label
 IMAGE_SUFFIX = {".LBL": ".IMG", ".lbl": ".img"}
 SUFFIX_OF_CAMERA = {"newhorizons-lorri": ".fit"}
-TIMES = ("IMAGE_MID_TIME", "MID_TIME", "IMAGE_TIME", "START_TIME")
+TIMES: dict[str, Place] = {
+    "IMAGE_MID_TIME": "middle",
+    "MID_TIME": "middle",
+    "START_TIME": "start",
+    "STOP_TIME": "end",
+    "IMAGE_TIME": "near",
+}
 
 
 @dataclass(frozen=True)
@@ -136,7 +143,7 @@ def _entry(cells: dict[str, Any], base: str, with_volume: bool) -> Row:
         "image": whole,
         "label": label,
         "camera": camera,
-        "target": target_of_label(text(cells, "TARGET_NAME")),
+        "target": sole_target(targets_of_label(cells.get("TARGET_NAME"))),
         "utc": _utc(cells),
         "exposure_s": seconds if seconds is None or seconds >= 0 else None,
         "filter": text(cells, "FILTER_NAME"),
@@ -145,12 +152,6 @@ def _entry(cells: dict[str, Any], base: str, with_volume: bool) -> Row:
 
 
 def _utc(cells: dict[str, Any]) -> str | None:
-    middle = middle_et(text(cells, "START_TIME"), text(cells, "STOP_TIME"))
-    if middle is not None:
-        return utc_from_et(middle)
-    for name in TIMES:
-        try:
-            return utc_from_et(et_from_utc(text(cells, name) or ""))
-        except (ValueError, IndexError, OverflowError):
-            continue
-    return None
+    claims = [stated for key, place in TIMES.items() for stated in claim(key, text(cells, key), place)]
+    found = exposure_time(claims, {})
+    return None if found.et is None else utc_from_et(found.et)

@@ -4,13 +4,13 @@ import csv
 import io
 import json
 import os
-import tomllib
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.plain_files import read_toml_file
 
 Row = dict[str, Any]
 SUFFIXES = (".csv", ".toml", ".parquet")
@@ -30,7 +30,7 @@ def read_table(path: Path) -> tuple[Row, list[tuple[str, Row]]]:
         if path.suffix.lower() == ".toml":
             return _toml_rows(path)
         return {}, _parquet_rows(path)
-    except (OSError, UnicodeDecodeError, csv.Error, tomllib.TOMLDecodeError, RecursionError) as error:
+    except (OSError, ValueError, csv.Error) as error:
         raise invalid(path, f"it cannot be read ({error})", "Save it as UTF-8 text.") from error
 
 
@@ -69,7 +69,7 @@ def _csv_rows(path: Path) -> list[tuple[str, Row]]:
 
 
 def _toml_rows(path: Path) -> tuple[Row, list[tuple[str, Row]]]:
-    whole = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    whole = read_toml_file(path, MAX_FILE_BYTES)
     images = whole.pop("image", [])
     if not isinstance(images, list) or not all(isinstance(image, dict) for image in images):
         raise invalid(path, "`image` is no list of tables", "Write one [[image]] for each image.")

@@ -12,9 +12,10 @@ from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
 from catalog.readers.picture import PictureReader
 from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
+from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
 
-READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader())
+READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader())
 
 __all__ = ["READERS", "image_is_folder", "read_frame"]
 
@@ -22,8 +23,8 @@ __all__ = ["READERS", "image_is_folder", "read_frame"]
 def read_frame(path: Path, camera: str | None = None, target: str | None = None) -> Frame:
     """The image of a file with all that is known about it.
 
-    camera: catalog name or TOML file, target: name; both override what the label says. Vectors and geometry that the
-    label gives for another target than `target` are dropped.
+    camera, target: name or TOML file; both override what the label says. Vectors and geometry that the label gives for
+    another target than `target` are dropped.
 
     Raises RefusedError, naming the file, the fault and the remedy, for whatever cannot be read as one grey image, and
     for an image whose size is not its camera's.

@@ -11,12 +11,15 @@ from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Frame, Observation, Quality
 from catalog.pose import PartialPose
+from catalog.readers.filling import filled
 from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.overruled import overruled_label, reminder
 from catalog.readers.reading import Reading
 from catalog.safe_name import safe_product_name
+from catalog.target import find_target, is_target_file
 
+MIN_USABLE_PX = 100  # no disk that can be corrected is smaller
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
@@ -25,21 +28,24 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     """The Frame of a reading; `camera_name` and `target_name` override the label's."""
     name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
     camera = find_camera(name) if name else None
+    if target_name and is_target_file(target_name):
+        target_name = find_target(target_name).name
     target = target_of_label(target_name) if target_name else reading.target
     same_target = target_name is None or target == reading.target
     overruled = overruled_label(reading, camera if camera_name else None, target if target_name else None)
     if camera is not None:
         _check_size(path, reading, camera, overruled)
         reading = _in_its_units(reading, camera)
+    reading = _without_filling(reading)
     return Frame(
         product=safe_product_name(path.stem),
         path=path,
         sha256=sha256_of_file(path),
         format=reading.format,
-        observation=_observation(reading, camera),
+        observation=_observation(path, reading, camera),
         camera=_catalog_name(name),
         target=target,
-        et=reading.et,
+        et=reading.time.et,
         exposure_s=reading.exposure_s,
         filter=reading.filter,
         undistorted=_undistorted(reading, camera),
@@ -47,7 +53,27 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         label_geometry=reading.label_geometry if same_target else None,
         label=reading.label,
         overruled=overruled,
+        warnings=(*reading.time.told, *reading.told),
+        unclear=_unclear(reading, target),
     )
+
+
+def _without_filling(reading: Reading) -> Reading:
+    """The reading with filled pixels MISSING, and told. Formats whose readers know their filling keep theirs."""
+    quality = np.zeros(reading.image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
+    filling = filled(reading.image, (quality & UNUSABLE) != 0)
+    if not filling.told:
+        return reading
+    quality[filling.mask] |= np.uint16(Quality.MISSING)
+    return replace(reading, quality=quality, told=(*reading.told, *filling.told))
+
+
+def _unclear(reading: Reading, target: str | None) -> dict[str, str]:
+    """Why time or target stay unknown although the label speaks of them."""
+    found = {"time": reading.time.fault} if reading.time.fault else {}
+    if target is None and reading.targets:
+        found["target"] = f"the label names several targets: {', '.join(reading.targets)}"
+    return found
 
 
 def _catalog_name(name: str | None) -> str | None:
@@ -89,7 +115,7 @@ def _undistorted(reading: Reading, camera: Camera | None) -> bool:
     return size == camera.size_px and size != camera.detector_size_px
 
 
-def _observation(reading: Reading, camera: Camera | None) -> Observation:
+def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observation:
     with np.errstate(invalid="ignore"):
         sound = np.abs(reading.image) < NULL_MAGNITUDE  # false for NaN too
     image = np.where(sound, reading.image, 0).astype(np.float32)
@@ -98,7 +124,21 @@ def _observation(reading: Reading, camera: Camera | None) -> Observation:
     saturation = _saturation(reading, camera)
     if saturation is not None:
         quality[image >= saturation] |= np.uint16(Quality.SATURATED)
+    usable = int(np.count_nonzero((quality & UNUSABLE) == 0))
+    if usable < min(MIN_USABLE_PX, image.size / 2):
+        fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
+        raise RefusedError(
+            "no-usable-pixels",
+            f"{fault}not a number or filled: {_shares(quality)}.",
+            "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
+        )
     return Observation(image, _noise(reading, camera, image, quality), quality)
+
+
+def _shares(quality: NDArray[np.uint16]) -> str:
+    """How many pixels each flag marks."""
+    counts = {flag.name or "": int(np.count_nonzero(quality & np.uint16(flag))) for flag in Quality}
+    return ", ".join(f"{name.lower()} {count}" for name, count in counts.items() if count)
 
 
 def _saturation(reading: Reading, camera: Camera | None) -> float | None:

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
+from catalog.readers.exposure_time import claim, exposure_time
 from catalog.readers.gaps import zero_filled
-from catalog.readers.label_values import et, number, plain_label, text
-from catalog.readers.names import instrument_names, target_of_label
+from catalog.readers.label_values import number, plain_label
+from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading
 
 FILTERS = ("CLEAR", "GREEN", "RED", "VIOLET", "IR-7560", "IR-9680", "IR-7270", "IR-8890")
@@ -46,8 +47,8 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
         image=pixels,
         quality=_quality(label, pixels),
         instrument_names=instrument_names(label),
-        target=target_of_label(text(label, "TARGET")),
-        et=et(_time(label)),
+        targets=targets_of_label(label.get("TARGET")),
+        time=exposure_time(claim("SCETYEAR .. SCETMSEC", _time(label), "middle"), {}),
         exposure_s=None if exposure_ms is None else exposure_ms / 1000,
         filter=FILTERS[int(filter_number)] if filter_number is not None and 0 <= filter_number < 8 else None,
         raw_dn=pixels.dtype == np.uint8,

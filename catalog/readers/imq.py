@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
+from catalog.readers.exposure_time import claim, exposure_time
 from catalog.readers.gaps import zero_filled
 from catalog.readers.huffman import DIFFERENCES, code_tree, decode_lines
-from catalog.readers.label_values import et, number, plain_label, text
-from catalog.readers.names import instrument_names, target_of_label
+from catalog.readers.label_values import number, plain_label, text
+from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.pds3_label import parse_label
 from catalog.readers.reading import Reading, unreadable
 
@@ -37,14 +38,14 @@ class ImqReader:
         label = _label(path, records)
         image, missing = _image(path, label, records)
         exposure_s = number(label, "EXPOSURE_DURATION")
-        readout = et(text(label, "IMAGE_TIME"))
+        readout = claim("IMAGE_TIME", text(label, "IMAGE_TIME"), "end", later_s=-READOUT_DELAY_S)
         return Reading(
             format="voyager-imq",
             image=image,
             quality=np.where(missing | zero_filled(image), Quality.MISSING, 0).astype(np.uint16),
             instrument_names=instrument_names(label),
-            target=target_of_label(text(label, "TARGET_NAME")),
-            et=None if readout is None else readout - READOUT_DELAY_S - (exposure_s or 0.0) / 2,
+            targets=targets_of_label(label.get("TARGET_NAME")),
+            time=exposure_time(readout, {"EXPOSURE_DURATION": exposure_s}),
             exposure_s=exposure_s,
             filter=text(label, "FILTER_NAME"),
             raw_dn=True,

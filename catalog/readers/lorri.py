@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from catalog.camera import known_cameras
 from catalog.observation import Quality
 from catalog.pose import PartialPose
-from catalog.readers.label_values import et, number, plain_label, text
-from catalog.readers.names import instrument_names, target_of_label
+from catalog.readers.exposure_time import ExposureTime, TimeClaim, checked, claim, exposure_time
+from catalog.readers.label_values import number, plain_label, text
+from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading, unreadable
 
 CAMERA_FROM_NH_LORRI = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
@@ -47,18 +48,23 @@ def reading(path: Path, header: dict[str, Any], image: NDArray[Any], extensions:
         quality=None if flags is None else _quality(flags[::-1]),
         noise=None if errors is None else errors[::-1].astype(np.float32),
         instrument_names=instrument_names(header),
-        target=target_of_label(text(header, "SPCCBTNM") or text(header, "TARGET")),
-        et=_et(header),
+        targets=targets_of_label(text(header, "SPCCBTNM") or text(header, "TARGET")),
+        time=_time(header),
         exposure_s=exposure_s,
         raw_dn=True,
         label_pose=_pose(path, header),
+        flags_from="its extension of quality flags",
         label=plain_label({**header, "ROWS_REVERSED_BY_READER": True}),
     )
 
 
-def _et(header: dict[str, Any]) -> float | None:
+def _time(header: dict[str, Any]) -> ExposureTime:
+    """SPCSCET (TDB), and the same instant in UTC: calendar day, and day of the year."""
     tdb = number(header, "SPCSCET")
-    return tdb if tdb is not None else et(text(header, "SPCUTCAL"))
+    claims = [] if tdb is None else [checked(TimeClaim("SPCSCET", f"{tdb}", "middle", tdb))]
+    for keyword in ("SPCUTCAL", "SPCUTCID"):
+        claims += claim(keyword, text(header, keyword), "middle")
+    return exposure_time(claims, {"EXPTIME": number(header, "EXPTIME")})
 
 
 def _quality(flags: NDArray[Any]) -> NDArray[np.uint16]:
@@ -88,7 +94,7 @@ def _pose(path: Path, header: dict[str, Any]) -> PartialPose:
         raise unreadable(path, f"its quaternion SPCQA..SPCQZ has the length {np.linalg.norm(quaternion):.4g}, not 1")
     j2000_from_instrument = None if quaternion is None else Rotation.from_quat(quaternion).as_matrix()
     return PartialPose(
-        et=_et(header),
+        et=_time(header).et,
         camera_from_j2000=None if j2000_from_instrument is None else _camera_from_lorri() @ j2000_from_instrument.T,
         target_from_spacecraft_km=None if spacecraft is None else -spacecraft,
         sun_from_target_km=_vector(header, ("SPCTSOX", "SPCTSOY", "SPCTSOZ")),

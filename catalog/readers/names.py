@@ -6,7 +6,8 @@ from itertools import product
 from typing import Any
 
 from catalog.camera import known_cameras
-from catalog.target import target_names
+from catalog.readers.label_values import items
+from catalog.target import known_targets, target_names
 
 HOST_KEYS = (
     "INSTRUMENT_HOST_NAME",
@@ -50,6 +51,24 @@ def target_of_label(name: Any) -> str | None:
     if text.upper() in NO_TARGET:
         return None
     return _full_name(text.lower())
+
+
+def targets_of_label(value: Any) -> tuple[str, ...]:
+    """Catalog names of all targets that a label's value names: a word, a sequence, a set, or words with commas."""
+    parts = [part for item in items(value) for part in ([item] if _is_one_name(item) else re.split(r"[,;]", str(item)))]
+    named = (target_of_label(str(part).strip(" ()'\"{}") if part is not None else None) for part in parts)
+    return tuple(dict.fromkeys(name for name in named if name is not None))
+
+
+def sole_target(names: Iterable[str]) -> str | None:
+    """The only one of a label's targets, or the only one of several that the catalog knows."""
+    all_names = list(names)
+    known = [name for name in all_names if name in known_targets()] if len(all_names) > 1 else all_names
+    return known[0] if len(known) == 1 else None
+
+
+def _is_one_name(item: Any) -> bool:
+    return item is None or str(item).strip().lower() in target_names()
 
 
 def _full_name(name: str) -> str:

@@ -14,8 +14,8 @@ def overruled_label(reading: Reading, camera: Camera | None, target: str | None)
     name = reading.camera or camera_of_names(reading.instrument_names)
     if camera and name and is_another_instrument(camera, name):
         found.append(f"the label says camera {name}, --camera {camera.name} is used")
-    if target and reading.target and target != reading.target:
-        found.append(f"the label says target {reading.target}, --target {target} is used")
+    if target and reading.targets and target not in reading.targets:
+        found.append(f"the label says target {' or '.join(reading.targets)}, --target {target} is used")
     return tuple(found)
 
 

@@ -1,6 +1,6 @@
 """PDS3 labels, parsed by pvl: detached (.LBL beside the image) or in the head of the file."""
 
-from datetime import date, datetime
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -37,5 +37,5 @@ def _plain(value: Any) -> Any:
         milliseconds = str(units).upper() in ("MS", "MSEC", "MILLISECOND", "MILLISECONDS")
         return value.value / 1000 if milliseconds and isinstance(value.value, (int, float)) else value.value
     if isinstance(value, datetime):
-        return value.replace(tzinfo=None).isoformat()
+        return (value.astimezone(UTC) if value.tzinfo else value).replace(tzinfo=None).isoformat()
     return value.isoformat() if isinstance(value, date) else value

@@ -1,4 +1,4 @@
-"""Reader of grey PNG and TIFF pictures (8 and 16 bit, 32-bit whole numbers, floats). They bring no metadata."""
+"""Reader of grey PNG pictures (1 to 16 bit). They bring no metadata. TIFF: `catalog.readers.tiff`."""
 
 import struct
 import warnings
@@ -12,19 +12,20 @@ from catalog.errors import RefusedError
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
-MAGIC = (PNG_MAGIC, b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 MAX_CHUNKS, CHUNK_FRAME_BYTES = 50_000, 12
-GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")
+GREY_MODES = ("1", "L", "I", "I;16", "I;16L", "I;16B", "I;16N")
+NAMES = {"LA": "grey with transparency", "P": "palette", "RGB": "red, green, blue", "RGBA": "colours, transparency"}
+DEPTH_BYTE = 24  # of IHDR: bits per sample
 DAMAGE = (OSError, ValueError, TypeError, LookupError, SyntaxError, ArithmeticError, AttributeError, EOFError)
 """What Pillow raises for damaged files, beside struct.error."""
 
 
 class PictureReader:
-    """PNG and TIFF, by Pillow."""
+    """PNG, by Pillow."""
 
     def recognises(self, head: bytes, path: Path) -> bool:  # noqa: ARG002
-        """PNG and TIFF begin with fixed bytes."""
-        return head.startswith(MAGIC)
+        """PNG begins with fixed bytes."""
+        return head.startswith(PNG_MAGIC)
 
     def read(self, path: Path) -> Reading:
         """Pixels of a grey picture. Raises RefusedError for colour, several pages, bombs and damage."""
@@ -34,7 +35,7 @@ class PictureReader:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 _check_chunks_of_png(path)
-                with Image.open(path, formats=("PNG", "TIFF")) as picture:
+                with Image.open(path, formats=("PNG",)) as picture:
                     pixels = _grey_pixels(path, picture)
         except Image.DecompressionBombError as error:
             remedy = f"Frames up to {MAX_PIXELS} pixels are read; cut the picture."
@@ -49,13 +50,17 @@ def _grey_pixels(path: Path, picture: Any) -> NDArray[Any]:
     if picture.mode not in GREY_MODES:
         raise RefusedError(
             "image-colour",
-            f"image {path}: a colour picture ({picture.mode}) mixes exposures.",
-            "Give one grey channel, 8 or 16 bit or float.",
+            f"image {path}: a PNG of mode {picture.mode} ({NAMES.get(picture.mode, 'colours')}) mixes exposures.",
+            "Give one grey channel, 8 or 16 bit, or a TIFF.",
         )
     if _has_second_page(picture):
         raise RefusedError("image-not-2d", f"image {path}: it has several pages.", "Give one picture.")
     pixels = np.asarray(picture)
-    return pixels.astype(np.uint8) if pixels.dtype == bool else pixels
+    if pixels.dtype == bool:
+        return pixels.astype(np.uint8)
+    with path.open("rb") as file:
+        depth = file.read(DEPTH_BYTE + 1)[DEPTH_BYTE]
+    return pixels // (255 // ((1 << depth) - 1)) if depth in (2, 4) else pixels  # Pillow stretches them to 255
 
 
 def _has_second_page(picture: Any) -> bool:

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.pose import PartialPose
+from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
+from catalog.readers.names import sole_target
 
 MAX_SIDE_PX = 20_000
 MAX_PIXELS = 30_000_000
@@ -23,7 +25,9 @@ class Reading:
     image: (ny, nx), any real dtype, line 0 first, y down. quality: uint16 (ny, nx) of `Quality` bits, None for no
     flags. noise: 1-sigma (ny, nx) when the file carries it. instrument_names: every "HOST/INSTRUMENT" spelling that the
     label gives, compared with `Camera.label_names`. raw_dn: values are the camera's own data numbers, so that the
-    camera's noise model and saturation level apply. undistorted: None leaves it to the frame's size.
+    camera's noise model and saturation level apply. undistorted: None leaves it to the frame's size. targets: all that
+    the label names. told: what the user ought to know of how the file was read, a sentence each. flags_from: whose
+    `quality` is.
     """
 
     format: str
@@ -32,8 +36,8 @@ class Reading:
     noise: NDArray[np.float32] | None = None
     camera: str | None = None
     instrument_names: tuple[str, ...] = ()
-    target: str | None = None
-    et: float | None = None
+    targets: tuple[str, ...] = ()
+    time: ExposureTime = UNKNOWN_TIME
     exposure_s: float | None = None
     filter: str | None = None
     raw_dn: bool = False
@@ -41,6 +45,13 @@ class Reading:
     label_pose: PartialPose = field(default_factory=PartialPose)
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
+    told: tuple[str, ...] = ()
+    flags_from: str = "the flags of its format"
+
+    @property
+    def target(self) -> str | None:
+        """The label's target: the only one that it names, or the only one of several that the catalog knows."""
+        return sole_target(self.targets)
 
 
 class Reader(Protocol):

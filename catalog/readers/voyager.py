@@ -2,7 +2,7 @@
 
 Both carry the flight label as 72-character lines LAB01 .. LABnn. Its SCET is the end of the exposure: f1636832 (SCET
 19:23:00, 360 ms) was exposed around 19:22:59.820, and the Ring Node's STOP_TIME equals the same SCET. A detached PDS3
-label beside the file supplies START_TIME and STOP_TIME, whose middle is then used.
+label beside the file supplies START_TIME and STOP_TIME, whose middle is then used unless the others contradict it.
 """
 
 import re
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
+from catalog.readers.exposure_time import ExposureTime, claim, exposure_time
 from catalog.readers.gaps import border_zeros, zero_filled
-from catalog.readers.label_values import et, middle_et, number, plain_label, text
-from catalog.readers.names import instrument_names, target_of_label
+from catalog.readers.label_values import number, plain_label, text
+from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.pds3_label import detached_label
 from catalog.readers.reading import Reading
 
@@ -51,8 +52,8 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
         image=pixels,
         quality=_quality(pixels, undistorted),
         instrument_names=(*_instrument_names(flight), *instrument_names(pds)),
-        target=target_of_label(text(pds, "TARGET_NAME") or _word(TARGET, flight)),
-        et=middle_et(text(pds, "START_TIME"), text(pds, "STOP_TIME")) or _middle_of_flight_label(flight, exposure_s),
+        targets=targets_of_label(pds.get("TARGET_NAME")) or targets_of_label(_word(TARGET, flight)),
+        time=_time(flight, pds, exposure_s),
         exposure_s=exposure_s if exposure_s is not None else number(pds, "EXPOSURE_DURATION"),
         filter=_word(FILTER, flight) or text(pds, "FILTER_NAME"),
         raw_dn=pixels.dtype == np.uint8,
@@ -76,13 +77,18 @@ def _exposure_s(flight: str) -> float | None:
     return None if milliseconds is None else float(milliseconds) / 1000
 
 
-def _middle_of_flight_label(flight: str, exposure_s: float | None) -> float | None:
+def _time(flight: str, pds: dict[str, Any], exposure_s: float | None) -> ExposureTime:
+    """What the label beside the file and the flight label agree on."""
+    claims = [
+        *claim("START_TIME", text(pds, "START_TIME"), "start"),
+        *claim("STOP_TIME", text(pds, "STOP_TIME"), "end"),
+        *claim("IMAGE_TIME", text(pds, "IMAGE_TIME"), "near"),
+    ]
     match = SCET.search(flight)
-    if match is None:
-        return None
-    year, day, hour, minute, second = match.groups()
-    end = et(f"19{year}-{day}T{hour}:{minute}:{second}")
-    return None if end is None else end - (exposure_s or 0.0) / 2
+    if match is not None:
+        year, day, hour, minute, second = match.groups()
+        claims += claim("SCET", f"19{year}-{day}T{hour}:{minute}:{second}", "end")
+    return exposure_time(claims, {"EXP": exposure_s, "EXPOSURE_DURATION": number(pds, "EXPOSURE_DURATION")})
 
 
 def _quality(pixels: NDArray[Any], undistorted: bool) -> NDArray[np.uint16]:

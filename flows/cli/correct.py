@@ -30,7 +30,7 @@ def correct(
     store: Annotated[str, typer.Option(help="Folder that products are published in, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
-    target: Annotated[Text, typer.Option(help="Target name; overrides the label.")] = None,
+    target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
     map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body.")] = None,
     map_left_edge_deg: Annotated[
@@ -169,8 +169,8 @@ def two_numbers(text: str | None) -> tuple[float, float] | None:
 
 
 def warn(result: dict[str, Any]) -> None:
-    """One line on stderr for each thing that the label says otherwise than the user."""
-    for sentence in result["guidance"]["overruled"]:
+    """One line on stderr for each thing that the label says otherwise than the user, or that is odd about the file."""
+    for sentence in (*result["guidance"]["overruled"], *result["warnings"]):
         print(f"planetpose: {result['product']}: {sentence}", file=sys.stderr, flush=True)
 
 

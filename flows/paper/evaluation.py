@@ -29,7 +29,7 @@ def read_evaluation(folder: Path) -> dict[str, list[dict[str, Any]]]:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         return {"images": content["images"], "summary": content.get("summary", [])}
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise RefusedError("evaluation-unreadable", f"{path} is no evaluation ({error!r}).", remedy) from error
 
 

@@ -16,7 +16,7 @@ from catalog.errors import PlanetposeError
 from catalog.settings import PROJECT_ROOT
 from flows.guidance import guidance_of, pose_to_resume
 from flows.profile import CORRECTIONS, Profile
-from flows.request import Request, camera_inputs, digest_of, kernel_inputs, target_names_digest
+from flows.request import Request, camera_inputs, digest_of, kernel_inputs, target_inputs, target_names_digest
 from tasks.code_version import code_version
 
 Fingerprint = dict[str, Any]
@@ -38,7 +38,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
         "image": content(request.image, "image"),
         "label": content(label_beside(request.image), "label"),
         "camera": told(lambda: sha256_of_json(camera_inputs(request))),
-        "target": request.target,
+        "target": told(lambda: target_inputs(request)),
         "pose file": content(request.pose_file, "pose file"),
         "base map": [content(request.basemap, "base map"), request.map_left_edge_deg],
         "shape": content(request.shape, "shape"),

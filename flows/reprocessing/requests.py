@@ -6,6 +6,7 @@ from pathlib import Path
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.target import is_target_file
 from flows.profile import Profile, find_profile
 from flows.reprocessing.settings import Settings
 from flows.request import Request
@@ -42,13 +43,16 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
     camera = entry.camera
     if camera and camera.endswith(".toml"):
         camera = str(image_list.located(camera, settings.archive))
+    target = entry.target
+    if target and is_target_file(target):
+        target = str(image_list.located(target, settings.archive))
     return Request(
         image=image_list.located(entry.image, settings.archive),
         product=entry.product,
         store=settings.store,
         publish_to=settings.publish_to,
         camera=camera,
-        target=entry.target,
+        target=target,
         pose_file=here(entry.pose_file),
         basemap=here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,

@@ -94,7 +94,7 @@ def do(request: Request, voice: Voice) -> None:
         chain = Chain(request, lambda step: measured(step, voice, metrics))
         error = correct(chain)
         result = result_of(chain, error)
-        for sentence in result["guidance"]["overruled"]:
+        for sentence in (*result["guidance"]["overruled"], *result["warnings"]):
             logger.warning("%s: %s", request.product, sentence)
     give_back()
     voice.say(

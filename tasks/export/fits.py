@@ -39,6 +39,7 @@ def write_backplanes(source: Source, path: Path) -> Path:
         if variable.comment:
             plane.header.add_comment(variable.comment)
         if variable.name == "quality":
+            plane.header["FLAGS"] = ("planetpose", "the bits are those of planetpose's cubes")
             for flag in FLAGS:
                 plane.header.add_comment(f"bit value {int(flag)}: {str(flag.name).lower()}")
         planes.append(plane)

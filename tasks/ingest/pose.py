@@ -47,9 +47,10 @@ def initial_pose(
     from_file = read_pose_file(pose_file) if pose_file else PartialPose()
     et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
     if et is None:
+        why = f"{frame.product}: the label gives no time"
         raise RefusedError(
             "pose-unknown",
-            f"{frame.product}: the label gives no time.",
+            f"{why} of the exposure: {frame.unclear['time']}." if "time" in frame.unclear else f"{why}.",
             "Give a pose file (--pose) with utc or et of mid-exposure, "
             f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
         )

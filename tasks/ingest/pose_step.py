@@ -6,7 +6,7 @@ from typing import Any
 from catalog.target import find_target
 from tasks.ingest.pose import initial_pose
 from tasks.plain import plain
-from tasks.stored import camera_of, frame_of
+from tasks.stored import camera_of, frame_of, given_target_of
 from tasks.work import Work
 
 
@@ -14,7 +14,7 @@ def run(work: Work) -> dict[str, Any]:
     """See `initial_pose`. The target is looked up here too, for a kernel may define it."""
     frame = frame_of(work)
     kernels = [Path(path) for path in work.places["kernels"]]
-    target = find_target(str(frame.target), kernels)
+    target = given_target_of(work) or find_target(str(frame.target), kernels)
     pose_file = work.places.get("pose_file")
     initial = initial_pose(frame, camera_of(work), target, kernels, Path(pose_file) if pose_file else None)
     return {

@@ -22,7 +22,10 @@ def run(work: Work) -> dict[str, Any]:
             "Give --camera NAME (see `planetpose cameras`) or --camera FILE.toml.",
         )
     if frame.target is None:
-        raise RefusedError("target-unknown", f"image {frame.path}: its label names no target.", "Give --target NAME.")
+        fault = frame.unclear.get("target", "its label names no target")
+        raise RefusedError(
+            "target-unknown", f"image {frame.path}: {fault}.", "Say which body is meant: --target NAME or FILE.toml."
+        )
     camera = find_camera(str(work.places.get("camera") or frame.camera))
     return {
         "product": frame.product,
@@ -36,6 +39,7 @@ def run(work: Work) -> dict[str, Any]:
         "undistorted": frame.undistorted,
         "label": printable_label(frame),
         "overruled": list(frame.overruled),
+        "warnings": list(frame.warnings),
     }
 
 

@@ -23,4 +23,5 @@ def write_fits(
     primary.header["BUNIT"] = "DN"
     primary.header["ORIGIN"] = ("planetpose", "simulated image")
     planes = [fits.ImageHDU(observation.noise, name="NOISE"), fits.ImageHDU(observation.quality, name="QUALITY")]
+    planes[1].header["FLAGS"] = ("planetpose", "the bits are those of planetpose's cubes")
     fits.HDUList([primary, *planes]).writeto(path, overwrite=True)

@@ -165,7 +165,8 @@ def test_our_simulated_fits_brings_noise_quality_and_metadata(tmp_path: Path) ->
         ("QUALITY", quality),
         CAMERA="galileo-ssi",
         TARGET="Europa",
-        DATE_OBS="2000-05-22T23:52:05.277",
+        ORIGIN="planetpose",
+        DATE_AVG="2000-05-22T23:52:05.277",
         EXPTIME=0.05,
     )
     frame = read_frame(path)

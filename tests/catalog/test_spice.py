@@ -72,12 +72,15 @@ def test_a_path_that_does_not_exist_is_refused() -> None:
         pass
 
 
-def test_folders_are_furnished_by_type_and_name_and_meta_kernels_last(tmp_path: Path) -> None:
+def test_folders_are_furnished_by_type_and_name_and_meta_kernels_last(pck: Path, tmp_path: Path) -> None:
     for name in ("z.bc", "b/2.bsp", "a/1.bsp", "m.tm", "naif.tls", "readme.txt", "x.tf"):
         (tmp_path / "k" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "k" / name).touch()
+        text = "" if name.endswith((".bc", ".bsp")) else "\\begindata\nA = 1\n"
+        (tmp_path / "k" / name).write_text(
+            text.replace("A = 1", f"KERNELS_TO_LOAD = '{pck}'") if name == "m.tm" else text
+        )
     names = [kernel.path.name for kernel in list_kernels([tmp_path / "k" / "m.tm", tmp_path / "k"])]
-    assert names == ["naif.tls", "x.tf", "1.bsp", "2.bsp", "z.bc", "m.tm"]
+    assert names == ["naif.tls", "x.tf", "1.bsp", "2.bsp", "z.bc", "m.tm", "toy.tpc"]
 
 
 def test_a_meta_kernels_members_are_recorded_with_their_hashes(pck: Path, tmp_path: Path) -> None:

@@ -1,12 +1,26 @@
 """The catalog's targets: names, and rotation models that reproduce SPICE's."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from astropy.io import fits
 
+from catalog.basemap import packaged_map_path
+from catalog.camera import find_camera
 from catalog.errors import RefusedError
+from catalog.lists import load_image_list
+from catalog.lists.adding import check_list
+from catalog.readers import read_frame
 from catalog.target import find_target, known_targets
+from flows.profile import find_profile
+from flows.reprocessing.fingerprint import fingerprint_of
+from flows.reprocessing.requests import request_of
+from flows.reprocessing.settings import Settings
+from flows.request import Request, target_inputs
+from tasks.ingest import pose_step
+from tasks.work import Work
 
 SECONDS_PER_YEAR = 365.25 * 86400.0
 MEASURED_SINCE_PCK00010 = {"pluto", "charon"}
@@ -76,3 +90,117 @@ def test_a_body_outside_the_catalog_comes_from_the_loaded_pck(data_folder: Path)
 def test_a_name_that_no_pck_knows_is_refused_with_the_nearest_of_its_bodies(data_folder: Path) -> None:
     with pytest.raises(RefusedError, match=r"'amaltea'.*Did you mean amalthea"):
         find_target("amaltea", [data_folder / "kernels"])
+
+
+OWN_BODY = """
+name = "{name}"
+naif_id = {naif_id}
+radii_km = [{radius}, {radius}, {radius}]
+body_frame = ""
+[rotation]
+pole_ra_deg = [268.0]
+pole_dec_deg = [64.0]
+prime_meridian_deg = [36.0, 101.0]
+"""
+
+
+def own_body(path: Path, name: str = "Vulcan", naif_id: int = 199999, radius: float = 42.0) -> str:
+    path.write_text(OWN_BODY.format(name=name, naif_id=naif_id, radius=radius))
+    return str(path)
+
+
+def test_a_file_is_a_new_target_and_the_label_s_own_geometry_is_dropped(tmp_path: Path) -> None:
+    file = own_body(tmp_path / "vulcan.toml")
+    assert find_target(file).radii_km == (42.0, 42.0, 42.0)
+    image = np.random.default_rng(0).normal(20, 5, (20, 30)).astype(np.float32)
+    fits.writeto(tmp_path / "a.fits", image, fits.Header({"TARGET": "Europa"}))
+    frame = read_frame(tmp_path / "a.fits", target=file)
+    assert frame.target == "vulcan"
+    assert frame.overruled == ("the label says target europa, --target vulcan is used",)
+
+
+def test_a_file_with_the_name_of_a_known_body_takes_its_place(tmp_path: Path) -> None:
+    file = own_body(tmp_path / "mine.toml", "europa", 502, 1500.0)
+    assert find_target(file).mean_radius_km == pytest.approx(1500)
+    assert find_target("europa").mean_radius_km > 1550
+    image = np.random.default_rng(0).normal(20, 5, (20, 30)).astype(np.float32)
+    fits.writeto(tmp_path / "a.fits", image, fits.Header({"TARGET": "Europa"}))
+    assert read_frame(tmp_path / "a.fits", target=file).overruled == ()
+
+
+def test_map_and_shape_may_lie_beside_the_file(tmp_path: Path) -> None:
+    file = tmp_path / "v.toml"
+    own_body(file)
+    (tmp_path / "grey.png").write_bytes(b"any")
+    (tmp_path / "v.obj").write_text("v 0 0 0\n")
+    file.write_text('basemap = "grey.png"\nshape = "v.obj"\n' + file.read_text())
+    target = find_target(str(file))
+    assert target.basemap is not None
+    assert packaged_map_path(target.basemap) == tmp_path / "grey.png"
+    assert (target.shape, len(target.shape_sha256 or "")) == (str(tmp_path / "v.obj"), 64)
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("name = 'v'", "naif_id: Field required"),
+        ("name = 'v'\nnaif_id = 1\nradii_km = [1, 0, 1]", "radii_km.1"),
+        ("name = 'v'\nnaif_id = 1\nradii_km = [1, 1]", "radii_km"),
+        ("name = ''\nnaif_id = 1\nradii_km = [1, 1, 1]", "name"),
+        ("name = 'v'\nnaif_id = 1\nradii_km = [1, 1, 1]\nradius = 4", "radius: Extra"),
+        ("name = 'v'\nnaif_id = 1\nradii_km = [1, 1, 1]\nshape = 'gone.obj'", "gone.obj"),
+        (None, "No such file"),
+    ],
+)
+def test_a_target_file_that_is_none_is_refused_by_name_and_field(
+    content: str | None, told: str, tmp_path: Path
+) -> None:
+    if content is not None:
+        (tmp_path / "v.toml").write_text(content)
+    with pytest.raises(RefusedError, match=r"v\.toml|gone\.obj") as refusal:
+        find_target(str(tmp_path / "v.toml"))
+    assert told in refusal.value.fault
+    assert refusal.value.remedy
+
+
+def test_the_content_of_a_target_file_is_part_of_the_keys_and_its_place_is_not(tmp_path: Path) -> None:
+    image = tmp_path / "a.fits"
+    fits.writeto(image, np.zeros((3, 3), np.float32))
+
+    def keyed(radius: float, name: str) -> object:
+        request = Request(image=image, target=own_body(tmp_path / name, radius=radius), kernels=())
+        assert target_inputs(request) == find_target(str(tmp_path / name)).model_dump(mode="json")
+        return fingerprint_of(request)["target"]
+
+    assert keyed(42.0, "a.toml") == keyed(42.0, "b.toml") != keyed(43.0, "a.toml")
+    assert target_inputs(Request(image=image, target="europa")) == "europa"
+    assert target_inputs(Request(image=image)) is None
+
+
+def test_the_step_takes_the_file_s_target_whole(tmp_path: Path) -> None:
+    image = np.random.default_rng(0).normal(20, 5, (800, 800)).astype(np.float32)
+    fits.writeto(tmp_path / "a.fits", image, fits.Header({"CAMERA": "galileo-ssi", "TARGET": "Europa"}))
+    pose = {
+        "et": 2e8, "camera_from_j2000": np.eye(3).tolist(), "target_from_spacecraft_km": [0, 0, 1e6],
+        "sun_from_target_km": [1e8, 0, 0],
+    }  # fmt: skip
+    (tmp_path / "pose.json").write_text(json.dumps(pose))
+    request = Request(image=tmp_path / "a.fits", target=own_body(tmp_path / "v.toml"))
+    inputs = {"image": "x", "camera": {}, "target_name": target_inputs(request)}
+    camera = find_camera("galileo-ssi").model_dump(mode="json", exclude_unset=True)
+    places = {"image": str(request.image), "camera": None, "pose_file": str(tmp_path / "pose.json"), "kernels": []}
+    done = pose_step.run(Work(inputs | {"camera": camera}, places, tmp_path, lambda *_: None))
+    assert (done["target"]["name"], done["target"]["radii_km"]) == ("Vulcan", [42.0, 42.0, 42.0])
+    assert done["sources"]["body_from_j2000"] == "catalog"
+
+
+def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
+    own_body(tmp_path / "v.toml")
+    (tmp_path / "list.csv").write_text("image,target\na.fits,v.toml\nb.fits,gone.toml\n")
+    for name, value in (("a", 1.0), ("b", 2.0)):
+        fits.writeto(tmp_path / f"{name}.fits", np.full((3, 3), value, np.float32))
+    listed = load_image_list(tmp_path / "list.csv")
+    settings = Settings(images=str(tmp_path / "list.csv"), store=tmp_path / "out")
+    asked = request_of(listed, listed.entries[0], settings, find_profile("joint"))
+    assert asked.target == str(tmp_path / "v.toml")
+    assert [fault for fault in check_list(tmp_path / "list.csv").faults if "gone.toml" in fault]

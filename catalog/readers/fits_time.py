@@ -1,0 +1,162 @@
+"""The time of exposure in a FITS header, after the FITS standard 4.0, section 9 (Rots et al. 2015, A&A 574, A36).
+
+DATE-AVG and MJD-AVG are the middle; DATE-BEG, DATE-END, MJD-BEG, MJD-END, TSTART and TSTOP the ends; DATE-OBS and
+MJD-OBS the start (section 4.4.2.2) unless the keyword's comment says middle or end. TIMESYS is the scale of them all,
+UTC by default. Beside the standard: DATE-MID and EXPMID, EXPSTART and EXPEND of Hubble's files, and the time of day in
+TIME-OBS, UTC-OBS, UTSTART ... where DATE-OBS has only the day, as it had to before 2000 (also as dd/mm/yy).
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from catalog.readers.exposure_time import ExposureTime, Place, TimeClaim, checked, claim, exposure_time
+from catalog.readers.label_values import number, text
+from catalog.times import et_from_mjd, et_from_time
+
+SCALES = {
+    "UTC": "utc", "UT": "utc", "GMT": "utc", "UT1": "ut1", "TAI": "tai", "IAT": "tai", "TT": "tt", "TDT": "tt",
+    "ET": "tt", "TDB": "tdb", "TCB": "tcb", "TCG": "tcg", "GPS": "gps",
+}  # fmt: skip
+ELSEWHERE = ("BARYCENT", "HELIOCEN", "EMBARYCE")  # TREFPOS: where light arrived minutes before or after the camera
+DATES: dict[str, tuple[Place, tuple[str, ...]]] = {  # keyword: what it is of, and where its time of day may be
+    "DATE-AVG": ("middle", ("TIME-AVG",)),
+    "DATE-MID": ("middle", ("TIME-MID", "UTMIDDLE")),
+    "DATE-BEG": ("start", ("TIME-BEG", "UTSTART")),
+    "DATE-END": ("end", ("TIME-END", "UTEND", "UTSTOP")),
+    "DATE-OBS": ("start", ("TIME-OBS", "UTC-OBS", "UT-OBS", "UTSTART", "TIME-BEG", "UTSHUT", "UT", "UTC")),
+}
+MJDS: dict[str, Place] = {
+    "MJD-AVG": "middle", "EXPMID": "middle", "MJD-BEG": "start", "EXPSTART": "start", "MJD-END": "end", "EXPEND": "end",
+    "MJD-OBS": "start",
+}  # fmt: skip
+LENGTHS = ("XPOSURE", "EXPTIME", "TELAPSE")
+UNITS_S = {"S": 1.0, "MIN": 60.0, "H": 3600.0, "D": 86400.0, "MS": 1e-3}
+OLD_DAY = re.compile(r"(\d{2})/(\d{2})/(\d{2})")
+CLOCK = re.compile(r"(\d{1,2}:\d{2}(?::\d{2}(?:\.\d*)?)?) *(?:Z|UTC?)?")
+IS_MIDDLE = re.compile(r"\b(mid|middle|midpoint|cent(er|re)|average|avg)\b", re.IGNORECASE)
+IS_END = re.compile(r"\b(end|stop|finish)\b", re.IGNORECASE)
+
+
+def fits_exposure_time(header: Mapping[str, Any], comments: Mapping[str, str]) -> ExposureTime:
+    """The middle of the exposure that the header's keywords agree on. comments: of the keywords."""
+    claims = [*_dates(header, comments), *_mjds(header, comments), *_relative(header)]
+    fault = _fault_of_scale(header)
+    if fault:
+        claims = [TimeClaim(c.keyword, c.value, c.place, fault=fault) for c in claims]
+    return exposure_time(claims, {key: exposure_s(header, key) for key in LENGTHS}, gaps_count=True)
+
+
+def exposure_s(header: Mapping[str, Any], *keywords: str) -> float | None:
+    """The first exposure time that is known, seconds: XPOSURE and TELAPSE are in TIMEUNIT, EXPTIME in seconds."""
+    for key in keywords or LENGTHS[:2]:
+        value = number(header, key)
+        if value is not None and value >= 0:
+            return value if key == "EXPTIME" else value * _unit_s(header)
+    return None
+
+
+def _unit_s(header: Mapping[str, Any]) -> float:
+    return UNITS_S.get((text(header, "TIMEUNIT") or "s").upper(), 1.0)
+
+
+def _scale(header: Mapping[str, Any]) -> str | None:
+    """astropy's name of TIMESYS, whose realisation in brackets (`TT(TAI)`) does not count; None for an unknown one."""
+    return SCALES.get((text(header, "TIMESYS") or "UTC").upper().partition("(")[0].strip())
+
+
+def _fault_of_scale(header: Mapping[str, Any]) -> str:
+    if _scale(header) is None:
+        return f"TIMESYS = {text(header, 'TIMESYS')} is no known time scale"
+    place = (text(header, "TREFPOS") or "").upper()
+    return f"TREFPOS = {place} is not where the camera is" if place.startswith(ELSEWHERE) else ""
+
+
+def _place(keyword: str, comments: Mapping[str, str], usual: Place) -> Place:
+    """What a keyword's time is of; DATE-OBS and MJD-OBS may be explained in their comment."""
+    comment = comments.get(keyword, "") if keyword.endswith("-OBS") else ""
+    if IS_MIDDLE.search(comment):
+        return "middle"
+    return "end" if IS_END.search(comment) else usual
+
+
+def _dates(header: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[TimeClaim]:
+    scale = _scale(header) or "utc"
+    for keyword, (usual, clocks) in DATES.items():
+        value = text(header, keyword)
+        if value is None:
+            continue
+        old = OLD_DAY.fullmatch(value)
+        day, scale_of_day = (f"19{old[3]}-{old[2]}-{old[1]}", "utc") if old else (value, scale)
+        place = _place(keyword, comments, usual)
+        found = claim(keyword, day, place, scale_of_day)
+        if found and (found[0].day_et is not None):
+            found = _with_time_of_day(header, found[0], day, clocks, scale_of_day)
+        yield from found
+
+
+def _with_time_of_day(
+    header: Mapping[str, Any], day: TimeClaim, iso_day: str, clocks: tuple[str, ...], scale: str
+) -> list[TimeClaim]:
+    """The day with the time of day of another keyword (UT... are UTC by their name), or the day as it is."""
+    for keyword in clocks:
+        value = text(header, keyword)
+        if value is None:
+            continue
+        clock, named = CLOCK.fullmatch(value), f"{day.keyword} and {keyword}"
+        if clock is None:
+            fault = "there is no time of day such as 14:05:21"
+            return [TimeClaim(named, f"{iso_day} {value}", day.place, fault=fault, day_et=day.day_et)]
+        return claim(named, f"{iso_day}T{clock[1]}", day.place, "utc" if keyword.startswith("UT") else scale)
+    return [day]
+
+
+def _mjds(header: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[TimeClaim]:
+    for keyword, usual in MJDS.items():
+        days = number(header, keyword)
+        if days is None:
+            continue
+        place = _place(keyword, comments, usual)
+        try:
+            et = et_from_mjd(days, _scale(header) or "utc") if 0 <= days < 1e5 else None
+        except ValueError:
+            et = None
+        if et is None:
+            yield TimeClaim(keyword, f"{days}", place, fault="it is no time of an exposure")
+        elif days == int(days):
+            fault = "it is a day without a time of day"
+            yield TimeClaim(keyword, f"{days:.0f}", place, fault=fault, day_et=et)
+        else:
+            yield checked(TimeClaim(keyword, f"{days}", place, et))
+
+
+def _relative(header: Mapping[str, Any]) -> Iterator[TimeClaim]:
+    """TSTART and TSTOP, in TIMEUNIT after MJDREF, JDREF or DATEREF (section 9.4.2)."""
+    places: dict[str, Place] = {"TSTART": "start", "TSTOP": "end"}
+    for keyword, place in places.items():
+        elapsed = number(header, keyword)
+        if elapsed is None:
+            continue
+        try:
+            et = _et_after_reference(header, (elapsed + (number(header, "TIMEOFFS") or 0.0)) * _unit_s(header))
+        except ValueError:
+            et = None
+        if et is not None:
+            yield checked(TimeClaim(keyword, f"{elapsed}", place, et))
+
+
+def _et_after_reference(header: Mapping[str, Any], seconds: float) -> float | None:
+    scale = _scale(header) or "utc"
+    for whole, parts, zero in (
+        ("MJDREF", ("MJDREFI", "MJDREFF"), 0.0),
+        ("JDREF", ("JDREFI", "JDREFF"), 2400000.5),
+    ):
+        if number(header, parts[0]) is not None:
+            days = (number(header, parts[0]) or 0.0) - zero + (number(header, parts[1]) or 0.0)
+            return et_from_mjd(days, scale, seconds)
+        if number(header, whole) is not None:
+            return et_from_mjd((number(header, whole) or 0.0) - zero, scale, seconds)
+    date = text(header, "DATEREF")
+    if date is None:
+        return None
+    return et_from_time(date if "T" in date else f"{date}T00:00:00", scale) + seconds

@@ -1,0 +1,142 @@
+"""TIFF and PNG give the file's numbers, or are refused with the name of the format."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+import rasterio.shutil
+import tifffile
+from numpy.typing import NDArray
+from PIL import Image, ImageOps
+
+from catalog.errors import RefusedError
+from catalog.observation import Quality
+from catalog.readers import read_frame
+
+pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
+RNG = np.random.default_rng(9)
+
+
+def full_range(kind: str) -> NDArray[Any]:
+    """Numbers (37, 53) over the whole range of a type."""
+    if np.dtype(kind).kind == "f":
+        return RNG.normal(0, 300, (37, 53)).astype(kind)
+    info = np.iinfo(kind)
+    found = RNG.integers(info.min, info.max, (37, 53), dtype=kind, endpoint=True)
+    found[0, :2] = info.min, info.max
+    return found
+
+
+def read(path: Path) -> NDArray[np.float32]:
+    return read_frame(path).observation.image
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8"])
+@pytest.mark.parametrize(
+    "layout",
+    [{}, {"byteorder": ">"}, {"tile": (16, 32)}, {"rowsperstrip": 5, "bigtiff": True},
+     {"compression": "zlib"}],
+    ids=["plain", "big-endian", "tiled", "BigTIFF", "deflate"],
+)  # fmt: skip
+def test_the_numbers_are_the_file_s(kind: str, layout: dict[str, Any], tmp_path: Path) -> None:
+    pixels = full_range(kind)
+    tifffile.imwrite(tmp_path / "a.tif", pixels, photometric="minisblack", **layout)
+    assert np.array_equal(read(tmp_path / "a.tif"), pixels.astype(np.float32))
+
+
+@pytest.mark.parametrize("compression", ["LZW", "PACKBITS", "DEFLATE"])
+@pytest.mark.parametrize("tiled", [False, True])
+def test_compressed_ones_too(compression: str, tiled: bool, tmp_path: Path) -> None:
+    pixels = full_range("u2")
+    options = {"tiled": True, "blockxsize": 16, "blockysize": 16} if tiled else {}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", width=53, height=37, count=1, dtype="uint16",
+                       compress=compression, **options) as file:  # fmt: skip
+        file.write(pixels, 1)
+    assert np.array_equal(read(tmp_path / "a.tif"), pixels.astype(np.float32))
+
+
+@pytest.mark.parametrize("bits", [1, 2, 4, 8, 12, 16, 32])
+@pytest.mark.parametrize("white", [False, True])
+def test_every_depth_and_white_as_zero(bits: int, white: bool, tmp_path: Path) -> None:
+    kind = "uint8" if bits <= 8 else "uint16" if bits <= 16 else "uint32"
+    pixels = RNG.integers(0, 2**bits - 1, (37, 53), endpoint=True).astype(kind)
+    options = {"PHOTOMETRIC": "MINISWHITE"} if white else {}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", width=53, height=37, count=1, dtype=kind,
+                       NBITS=bits, **options) as file:  # fmt: skip
+        file.write(pixels, 1)
+    shown = (2**bits - 1 - pixels.astype(np.int64)) if white else pixels
+    assert np.array_equal(read(tmp_path / "a.tif"), shown.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("pixels", "options", "named"),
+    [
+        (np.zeros((9, 8, 3), "u1"), {"photometric": "rgb"}, "3 bands, uint8 .bands red, green, blue."),
+        (np.zeros((9, 8, 4), "u2"), {"photometric": "rgb", "extrasamples": ["unassalpha"]}, "4 bands, uint16"),
+        (np.zeros((9, 8, 2), "u1"), {"photometric": "minisblack", "extrasamples": ["unassalpha"]}, "gray, alpha"),
+        (np.zeros((3, 9, 8), "u2"), {"photometric": "rgb", "planarconfig": "separate"}, "3 bands, uint16"),
+        (np.zeros((5, 9, 8), "f4"), {"photometric": "minisblack"}, "several pages .5 or more."),
+        (np.zeros((9, 8), "c8"), {"photometric": "minisblack"}, "complex64"),
+        (np.zeros((9, 8), "f4"), {"photometric": "miniswhite"}, "float32 whose zero is white"),
+        (np.zeros((9, 8), "u1"), {"photometric": "palette", "colormap": np.zeros((3, 256), "u2")}, "palette"),
+    ],
+)
+def test_what_is_no_one_grey_picture_is_refused_by_name(
+    pixels: NDArray[Any], options: dict[str, Any], named: str, tmp_path: Path
+) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", pixels, **options)
+    with pytest.raises(RefusedError, match=rf"a\.tif.*{named}"):
+        read_frame(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_the_first_line_is_where_the_file_says(orientation: int, tmp_path: Path) -> None:
+    pixels = full_range("u1")
+    tifffile.imwrite(tmp_path / "a.tif", pixels, extratags=[(274, "H", 1, orientation, True)])
+    tag = Image.Exif()
+    tag[274] = orientation
+    stored = Image.fromarray(pixels)
+    stored.getexif()[274] = orientation
+    assert np.array_equal(read(tmp_path / "a.tif"), np.asarray(ImageOps.exif_transpose(stored)))
+
+
+def test_no_data_and_strips_that_were_never_written_are_missing(tmp_path: Path) -> None:
+    pixels = full_range("i2")
+    options: dict[str, Any] = {"driver": "GTiff", "width": 53, "height": 64, "count": 1, "dtype": "int16"}
+    with rasterio.open(tmp_path / "a.tif", "w", nodata=-7, SPARSE_OK=True, blockysize=16, **options) as file:
+        file.write(np.full((16, 53), 5, "i2"), 1, window=((0, 16), (0, 53)))
+        pixels = np.full((16, 53), 6, "i2")
+        pixels[3, 4] = -7
+        file.write(pixels, 1, window=((32, 48), (0, 53)))
+    missing = read_frame(tmp_path / "a.tif").observation.quality == Quality.MISSING
+    expected = np.zeros((64, 53), bool)
+    expected[16:32] = expected[48:] = expected[35, 4] = True
+    assert np.array_equal(missing, expected)
+
+
+@pytest.mark.parametrize("cut", [3, 9, 100, 2000])
+def test_a_cut_file_is_refused_by_name(cut: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", full_range("u2"))
+    whole = (tmp_path / "a.tif").read_bytes()
+    (tmp_path / "a.tif").write_bytes(whole[:-cut])
+    with pytest.raises(RefusedError, match=r"a\.tif"):
+        read_frame(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("bits", [2, 4, 8])
+def test_png_of_every_depth(bits: int, tmp_path: Path) -> None:
+    pixels = RNG.integers(0, 2**bits - 1, (37, 53), endpoint=True).astype("u1")
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", width=53, height=37, count=1, dtype="uint8",
+                       NBITS=bits) as file:  # fmt: skip
+        file.write(pixels, 1)
+    rasterio.shutil.copy(tmp_path / "a.tif", tmp_path / "a.png", driver="PNG", NBITS=bits)
+    assert np.array_equal(read(tmp_path / "a.png"), pixels.astype(np.float32))
+
+
+@pytest.mark.parametrize(("mode", "named"), [("LA", "grey with transparency"), ("P", "palette"), ("RGB", "red, green")])
+def test_png_of_other_modes_is_refused_by_name(mode: str, named: str, tmp_path: Path) -> None:
+    Image.new(mode, (9, 8)).save(tmp_path / "a.png")
+    with pytest.raises(RefusedError, match=rf"a\.png.*{mode}.*{named}"):
+        read_frame(tmp_path / "a.png")
