@@ -105,6 +105,7 @@ def as_correction(
         "range_factor_prior_sigma": float(sigmas[RANGE]) if np.isfinite(sigmas[RANGE]) else None,
         "second_start_px": away_px,
         "led_by_limb": led,
+        "smear": smear_of(estimate.state),
         "bending": told_of(estimate.bending),
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
     }
@@ -134,6 +135,14 @@ def as_correction(
         "range_factor_free": free_sigma,
     }
     return Correction("joint", estimate.state.pose, *without_held(changed, uncertainty, held), evidence, free.converged)
+
+
+def smear_of(state: State) -> dict[str, float] | None:
+    """Length (px) and direction (deg from +x towards +y, 0 to 180) of the exposure's smear; None without."""
+    if not any(state.trail_px):
+        return None
+    x, y = state.trail_px
+    return {"length_px": float(np.hypot(x, y)), "direction_deg": float(np.degrees(np.arctan2(y, x)) % 180)}
 
 
 def told_of(bending: Bending | None) -> Told | None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.observation import Observation
 from tasks.joint.bending import Bending, DistortionError, told_by_disk
+from tasks.joint.blur import blurred_start
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
@@ -90,6 +91,9 @@ def estimated(
     if first.n > scale.n:
         start = first.up(solved_at(first, start, metadata, coarse(settings), free_range, progress).state)
     near = solved_at(scale, start, metadata, coarse(settings), free_range, progress)
+    blurred = blurred_start(near, settings.smear)
+    if blurred:
+        near = solved_at(scale, scale.up(blurred), metadata, coarse(settings), free_range, progress)
     fine = settings.model_copy(update={"oversample": settings.oversample or fine_oversample(near.state, scale.scene)})
     free = solved_at(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
     state = scale.up(free.state)
@@ -100,7 +104,8 @@ def estimated(
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
-    own = scale.covariance_up(shown) + systematic(settings.systematic, radius)
+    blur = max(1.0, state.width_px / scene.psf_sigma_px) if scene.psf_sigma_px > 0 else 1.0
+    own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
     common = of_bending + of_the_body(scene.target, radius)
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
@@ -175,7 +180,9 @@ def second_start(
     across = min(settings.first_diameter_px, max(SECOND_DIAMETER_PX, radius))
     scale = Scale.of(observation, scene, start, across)
     quick = coarse(settings).model_copy(update={"max_iterations": SECOND_ITERATIONS})
-    other = solved_at(scale, start.moved(step, scene.camera), metadata, quick, free_range)
+    # The PSF is no question of where the target is: it is the one that was found.
+    found_psf = replace(start, psf_sigma_px=estimate.state.psf_sigma_px, trail_px=estimate.state.trail_px)
+    other = solved_at(scale, found_psf.moved(step, scene.camera), metadata, quick, free_range)
     if scale.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > DISAGREEMENT_PX / 2:
         return None
     found = scale.up(other.state)

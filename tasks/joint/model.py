@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tasks.joint.moved import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.settings import JointSettings
+from tasks.joint.smear import smeared, trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
@@ -28,7 +29,8 @@ class Model:
     """The rendered surface at `state` under `window`, and the images that do not depend on the linear weights.
 
     shades: what the laws, mapped ones first, then plain ones, make of the sub-pixels without the map. bases: (k, ny,
-    nx), of these laws. background: (b, ny, nx). centre_px: target's centre in the window.
+    nx), of these laws; sharp: the same before the smear along the state's trail. background: (b, ny, nx). centre_px:
+    target's centre in the window.
     """
 
     state: State
@@ -38,6 +40,7 @@ class Model:
     shades: list[Image]
     mapped: int
     bases: Image
+    sharp: Image
     background: Image
     coverage: Image
     mu0: Image
@@ -69,6 +72,13 @@ class Model:
         veil = np.full_like(bright, bright.max())
         return np.stack([bright, bright * self.tiles.along, bright * self.tiles.across, veil])
 
+    def trail_columns(self, weights: NDArray, gain: Image) -> Image:
+        """Change of the image per pixel of the trail's x and y (2, ny, nx); none (0, ny, nx) without a trail."""
+        if not any(self.state.trail_px):
+            return np.empty((0, *self.window.shape), np.float32)
+        sharp = np.tensordot(np.asarray(weights, np.float32), self.sharp, 1)
+        return np.asarray(trail_columns(sharp, self.state.trail_px) * (1 + gain))
+
     def derivatives(self, weights: NDArray, gain: Image) -> Image:
         """Change of the image (8, ny, nx) per unit of each unknown of `parameters.NAMES`, at the bases'
         weights (k,) and the tiles' gains (ny, nx)."""
@@ -80,6 +90,8 @@ class Model:
         changes_of_place(fine, self.centre_px, s, sigma, out)
         for number, axis in enumerate(range(ATTITUDE.start, ATTITUDE.stop)):
             out[axis] = detect(shading * self.surface.albedo_per_deg[number], s, sigma)
+        for number, change in enumerate(out):
+            out[number] = smeared(change, self.state.trail_px)
         out *= 1 + gain
         return out
 
@@ -102,6 +114,8 @@ def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, setti
     fine = [each * surface.albedo if k < len(settings.mapped) else each for k, each in enumerate(shades)]
     centre = scene.camera.project(state.pose.target_in_camera_km) - (window.x0, window.y0)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
+    sharp = np.stack([detect(each, s, state.psf_sigma_px) for each in fine])
+    bases = np.stack([smeared(each, state.trail_px) for each in sharp]) if any(state.trail_px) else sharp
     return Model(
         state=state,
         window=window,
@@ -109,9 +123,10 @@ def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, setti
         surface=surface,
         shades=shades,
         mapped=len(settings.mapped),
-        bases=np.stack([detect(each, s, state.psf_sigma_px) for each in fine]),
+        bases=bases,
+        sharp=sharp,
         background=_polynomials(window.shape, centre, radius, 1 if settings.background == "plane" else 0),
-        coverage=detect(surface.cover, s, state.psf_sigma_px),
+        coverage=smeared(detect(surface.cover, s, state.psf_sigma_px), state.trail_px),
         mu0=detect(surface.mu0 * surface.cover, s, 0.0),
         centre_px=centre,
         tiles=tiles,

@@ -27,10 +27,17 @@ GROUPS: dict[str, tuple[int, ...]] = {
 
 @dataclass(frozen=True)
 class State:
-    """A trial solution: the pose and the Gaussian PSF width, pixels."""
+    """A trial solution: the pose, the Gaussian PSF width, pixels, and the line (x, y), pixels, along which the exposure
+    is smeared evenly; (0, 0) without smear, and its sign has no meaning."""
 
     pose: Pose
     psf_sigma_px: float
+    trail_px: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def width_px(self) -> float:
+        """RMS width of the PSF along one axis, the trail included: pixels."""
+        return float(np.sqrt(self.psf_sigma_px**2 + np.square(self.trail_px).sum() / 24))
 
     def moved(self, step: Array, camera: Camera) -> "State":
         """The state after a step (8,) of the unknowns."""
@@ -38,7 +45,14 @@ class State:
         pose = rolled(pose, float(step[ROLL]))
         turn = rotation_from_vector_deg(step[ATTITUDE])
         pose = pose.replaced(body_from_j2000=turn.T @ pose.body_from_j2000)
-        return State(pose, float(self.psf_sigma_px * np.exp(step[PSF])))
+        return State(pose, float(self.psf_sigma_px * np.exp(step[PSF])), self.trail_px)
+
+    def trailed(self, step_px: Array) -> "State":
+        """The state with its trail lengthened by a step (2,); itself without one (0,)."""
+        if len(step_px) == 0:
+            return self
+        x, y = np.asarray(self.trail_px) + step_px
+        return State(self.pose, self.psf_sigma_px, (float(x), float(y)))
 
 
 def rolled(pose: Pose, roll_deg: float) -> Pose:

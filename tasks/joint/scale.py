@@ -29,11 +29,16 @@ class Scale:
 
     def down(self, state: State) -> State:
         """A state of the image, as it is here."""
-        return State(state.pose, state.psf_sigma_px / self.n)
+        return self._scaled(state, 1 / self.n)
 
     def up(self, state: State) -> State:
         """A state found here, as it is in the image."""
-        return State(state.pose, state.psf_sigma_px * self.n)
+        return self._scaled(state, float(self.n))
+
+    @staticmethod
+    def _scaled(state: State, factor: float) -> State:
+        x, y = state.trail_px
+        return State(state.pose, state.psf_sigma_px * factor, (x * factor, y * factor))
 
     def step_up(self, step: Array) -> Array:
         """A step (8,) found here, in the image's pixels."""

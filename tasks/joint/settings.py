@@ -80,11 +80,24 @@ class TileSettings(BaseModel):
         return (self.gain, self.slope, self.slope, self.veil)
 
 
+class SmearSettings(BaseModel):
+    """When the PSF is solved for as other than a round Gaussian. significance: of an uneven second moment, sigmas, and
+    least_px: length of the trail, pixels, from which a trail is an unknown of the image (sharp images of another
+    renderer, three laws, radius 25-110 px: at most 3.1 and 0.95 px; trails of 2 px and more: at least 5.7). wings_share:
+    share of the light beyond which the PSF's wings are taken for a wider PSF (sharp: below 0.02; 3 px: 0.9)."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    significance: float = Field(4.0, gt=0)
+    least_px: float = Field(1.0, gt=0)
+    wings_share: float = Field(0.3, gt=0)
+
+
 class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
     markings; they set the map's contrast. law_weight: how large, relative to the picture's brightness, a law's weight
     is believed to be, so that they do not cancel each other. tiles: local errors of map and laws. wings_px: widths
-    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
+    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold. smear:
+    exposures during which the boresight drifted.
     background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
     first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
     solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the solution's limb lies
@@ -102,6 +115,7 @@ class JointSettings(BaseModel):
     tiles: TileSettings = TileSettings()
     wings_px: tuple[float, ...] = (3.0, 10.0)
     wings_sigma: float = Field(0.1, gt=0)
+    smear: SmearSettings = SmearSettings()
     background: Literal["constant", "plane"] = "plane"
     hold: tuple[Group, ...] = ()
     priors: SourcePriors = SourcePriors()

@@ -24,7 +24,7 @@ Image = NDArray[np.float32]
 Progress = Callable[[str, int, str], None]
 
 # Beyond these the linearisation is not trusted: px of the limb, degrees, logarithm of the PSF.
-LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4}
+LARGEST = {"limb_px": 3.0, "turn_deg": 2.0, "psf": 0.4, "trail_px": 1.5}
 # In the order of the unknowns: steps that need not be taken, and that may be left when none lowers the cost.
 STILL = np.array([4e-3, 4e-3, 2e-5, 1e-2, 1e-2, 1e-2, 1e-2, 5e-3])
 LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
@@ -32,6 +32,8 @@ LOOSE = np.array([0.05, 0.05, 5e-4, 0.5, 0.5, 0.5, 0.5, 0.1])
 AT_REST = 0.3
 # Where no share of a step lowers the cost it is a minimum, as far as the sampling can tell, unless the step is huge.
 NEGLECTED = 0.03
+# Steps of a smeared exposure's trail that need not be taken, px.
+TRAIL_STILL_PX = 0.03
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Tiles lie still while the disk moves under them by no more: the cost would jump where pixels change tiles.
 STALE_PX = 0.7
@@ -92,24 +94,31 @@ def solve_joint(
         weight = trust.weight(model, data, weights, settings)
         moving = model.derivatives(weights, linear.gain)
         moving[held] = 0
+        smear = model.trail_columns(weights, linear.gain)
         done = difference(model.state, metadata, camera)
         problem = linear_problem(model, data, weights, trust.tiles, settings)
         problem = replace(
             problem,
-            columns=np.concatenate([problem.columns, moving]),
-            prior=np.concatenate([problem.prior, np.where(held, 1e30, 1 / sigmas**2)]),
-            expected=np.concatenate([problem.expected, np.where(held | ~np.isfinite(sigmas), 0, -done)]),
+            columns=np.concatenate([problem.columns, smear, moving]),
+            prior=np.concatenate([problem.prior, np.zeros(len(smear)), np.where(held, 1e30, 1 / sigmas**2)]),
+            expected=np.concatenate(
+                [problem.expected, np.zeros(len(smear)), np.where(held | ~np.isfinite(sigmas), 0, -done)]
+            ),
         )
         fit = solve(problem, weight, linear.residual)
-        step = limited(fit.values[-len(NAMES) :] * ~held, scene, model.state)
+        full = fit.values[-len(NAMES) :] * ~held
+        lengthening = fit.values[len(fit.values) - len(NAMES) - len(smear) : -len(NAMES)]
+        share = bearable(full, lengthening, scene, model.state)
+        step, lengthened = share * full, share * lengthening
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         if progress:
             progress("joint", len(history) + 1, told(step))
         converged = bool((np.abs(step) < np.maximum(AT_REST * error, STILL)).all())
+        converged = converged and bool((np.abs(lengthened) < TRAIL_STILL_PX).all())
         if converged or len(history) == settings.max_iterations:
             break
         line = Line(data, weight, trust.tiles, metadata, sigmas, held, scene, settings)
-        found = line.lower(model, step, fit)
+        found = line.lower(model, step, lengthened, fit)
         if found is None:
             converged = bool((NEGLECTED * np.abs(step) < np.maximum(error, LOOSE)).all())
             break
@@ -155,13 +164,13 @@ class Line:
     scene: Scene
     settings: JointSettings
 
-    def lower(self, model: Model, step: Array, fit: Fit) -> tuple[Model, Fit, Array] | None:
+    def lower(self, model: Model, step: Array, lengthened: Array, fit: Fit) -> tuple[Model, Fit, Array] | None:
         """The first of ever shorter steps that lowers the cost: model and linear fit there, and the step taken."""
         weights = fit.values[: len(model.bases)]
         before, _ = self.cost(model, weights, fit)
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         for share in SHARES if (np.abs(step) > error).any() else SHARES[:2]:
-            state = model.state.moved(share * step, self.scene.camera)
+            state = model.state.moved(share * step, self.scene.camera).trailed(share * lengthened)
             moved = linear_model(self.scene, state, model.window, model.tiles, self.settings)
             after, linear = self.cost(moved, weights, fit)
             if after < before:
@@ -196,8 +205,8 @@ def first_weights(model: Model, data: Data, settings: JointSettings) -> Array:
     return solve(problem, weight.astype(np.float32)).values[: len(model.bases)]
 
 
-def limited(step: Array, scene: Scene, state: State) -> Array:
-    """`step` shortened, along its direction, to what the linearisation can bear."""
+def bearable(step: Array, lengthening: Array, scene: Scene, state: State) -> float:
+    """The share of a step (8,) and of the trail's (2,), or none (0,), that the linearisation can bear."""
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
     share = max(
         np.hypot(*step[OFFSET]) / LARGEST["limb_px"],
@@ -205,6 +214,7 @@ def limited(step: Array, scene: Scene, state: State) -> Array:
         abs(step[ROLL]) / LARGEST["turn_deg"],
         np.linalg.norm(step[ATTITUDE]) / LARGEST["turn_deg"],
         abs(step[PSF]) / LARGEST["psf"],
+        np.linalg.norm(lengthening) / LARGEST["trail_px"],
         1.0,
     )
-    return step / share
+    return float(1 / share)
