@@ -1,4 +1,5 @@
-"""A profile chooses every step's brick and settings. It is a TOML file; what it leaves out keeps its default."""
+"""A profile chooses every step's brick and settings. It is a TOML file that builds on another profile: what it leaves
+out is as there."""
 
 import tomllib
 from collections.abc import Iterable
@@ -9,6 +10,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from flows.defaults import DEFAULT_PROFILE
+from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.attitude import AttitudeSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
@@ -20,6 +23,8 @@ from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
+# In a profile file: what it builds on, and the word for no profile, but the defaults that each setting has by itself.
+BASE, BARE = "base", "defaults"
 CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
 CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
 # What a pass does unless the profile says otherwise; the paper's order.
@@ -72,7 +77,12 @@ class LaterPasses(BaseModel):
 
 class Profile(BaseModel):
     """The settings of all steps. passes: how often, at most, the corrections are done in turn. steps: the first pass's
-    corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out."""
+    corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out.
+    origin: not a setting; what a user's profile builds on and changes, None for those that come with the program.
+
+    Made directly, what is left out has the defaults of the settings themselves, which are no profile that comes with
+    the program: `find_profile` and `profile_of` build on one.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field("unnamed", min_length=1)
@@ -90,6 +100,7 @@ class Profile(BaseModel):
     still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
+    origin: Origin | None = None
 
     @model_validator(mode="after")
     def _something_is_left(self) -> "Profile":
@@ -144,18 +155,89 @@ def find_profile(name_or_file: str) -> Profile:
 
 
 def read_profile(path: Path) -> Profile:
-    """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting."""
+    """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting,
+    for a base that is not there, and for profiles that build on each other."""
+    return _of_layer(_content_of(path), path, (path,))[0]
+
+
+def profile_of(content: Content, name: str = "unnamed") -> Profile:
+    """Profile of settings as a TOML file has them, or of a whole one as `Profile.resolved` gives it; files that it
+    builds on are relative to the working folder. Raises RefusedError as `read_profile`."""
+    if "origin" in content:
+        return Profile.model_validate(content)
+    return _of_layer(content, Path(f"{name}.toml"), ())[0]
+
+
+def _of_layer(content: Content, path: Path, above: tuple[Path, ...]) -> tuple[Profile, Content]:
+    """Profile of a file's content, and its settings with those that it builds on; above: the files that lead here."""
+    shipped = path in known_profiles().values()
+    named = content.get(BASE, BARE if shipped else DEFAULT_PROFILE)
+    settings = {key: value for key, value in content.items() if key != BASE}
+    bases: tuple[str, ...] = (BARE,)
+    if named == BARE:
+        # Value by value: a table that names some settings of a group leaves the others as this group has them.
+        settings = merged(_plain(Profile()), settings)
+    else:
+        base = _base_of(named, path, above)
+        below, under = _of_layer(_content_of(base), base, (*above, base))
+        settings = merged(under, settings)
+        bases = (named, *(below.origin.bases if below.origin else ()))
+    profile = _validated(settings | {"name": content.get("name", path.stem)}, path)
+    if shipped:
+        return profile, settings
+    root = Profile() if bases[-1] == BARE else find_profile(bases[-1])
+    origin = Origin(bases=bases, changes=differences(_plain(root), _plain(profile)))
+    return profile.model_copy(update={"origin": origin}), settings
+
+
+def _plain(profile: Profile) -> Content:
+    """All that a file can set, but the name."""
+    return profile.model_dump(mode="json", by_alias=True, exclude={"name", "origin"})
+
+
+def _base_of(named: Any, path: Path, above: tuple[Path, ...]) -> Path:
+    """The file of the profile that the one of `path` names as its base."""
+    base = known_profiles().get(named) if isinstance(named, str) else None
+    if base is None and isinstance(named, str):
+        base = path.parent / Path(named).expanduser()
+    if base is None or not base.is_file():
+        raise RefusedError(
+            "profile-base-missing",
+            f"profile {path} builds on {named!r}, which is neither a profile that comes with the program nor a file.",
+            f'Known are {", ".join(known_profiles())}, and "{BARE}"; a file is looked for beside the profile.',
+        )
+    if base.resolve() in [each.resolve() for each in above]:
+        chain = " -> ".join(str(each) for each in (*above, base))
+        raise RefusedError(
+            "profile-base-circular",
+            f"profiles build on each other: {chain}.",
+            f'Let one of them say base = "{DEFAULT_PROFILE}".',
+        )
+    return base
+
+
+def _content_of(path: Path) -> Content:
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        return Profile.model_validate({"name": path.stem, **content})
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RefusedError(
             "profile-unreadable",
             f"profile {path} cannot be read: {error}.",
             f"Give a TOML file, or one of {', '.join(known_profiles())}.",
         ) from error
+
+
+def _validated(settings: Content, path: Path) -> Profile:
+    try:
+        if "origin" in settings:
+            raise ValueError("origin: this is told of a profile, and no setting")
+        return Profile.model_validate(with_nothing(Profile, with_later_completed(settings)))
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
-        raise RefusedError(
-            "profile-invalid", f"profile {path}: {faults}.", "See the README for the settings."
-        ) from error
+        raise _invalid(path, faults) from error
+    except ValueError as error:
+        raise _invalid(path, str(error)) from error
+
+
+def _invalid(path: Path, faults: str) -> RefusedError:
+    return RefusedError("profile-invalid", f"profile {path}: {faults}.", "`planetpose profiles` shows every setting.")

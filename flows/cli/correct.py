@@ -131,14 +131,17 @@ def usable_kernels(paths: list[Path]) -> None:
 
 
 def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":
-    """The profile; an unknown or invalid one is wrong usage."""
+    """The profile; an unknown or invalid one is wrong usage. What one of the user's changes is said on stderr."""
     from catalog.errors import RefusedError
     from flows.profile import find_profile
+    from flows.profile_layers import in_words
 
     try:
         chosen = find_profile(name_or_file)
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--profile") from error
+    if chosen.origin:
+        print(f"planetpose: {in_words(chosen.name, chosen.origin)}", file=sys.stderr, flush=True)
     return chosen.model_copy(update={"passes": max_passes}) if max_passes else chosen
 
 
