@@ -110,12 +110,12 @@ class Profile(BaseModel):
 
     def holding(self, groups: Iterable[str]) -> "Profile":
         """Copy that also holds `groups`. Raises ValidationError when no correction is left, or a group is unknown."""
-        content = self.resolved()
-        return Profile.model_validate(content | {"hold": list(dict.fromkeys([*content["hold"], *groups]))})
+        held = list(dict.fromkeys([*self.hold, *groups]))
+        return Profile.model_validate(self.model_dump(mode="json", by_alias=True) | {"hold": held})
 
     def resolved(self) -> dict[str, Any]:
         """Every setting with its value, defaults included, as plain JSON."""
-        return self.model_dump(mode="json", by_alias=True)
+        return self.model_dump(mode="json", by_alias=True, exclude={"origin"})
 
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
         """The corrections of pass `number`, in the order of doing, without those that would change what is held."""
@@ -161,8 +161,8 @@ def read_profile(path: Path) -> Profile:
 
 
 def profile_of(content: Content, name: str = "unnamed") -> Profile:
-    """Profile of settings as a TOML file has them, or of a whole one as `Profile.resolved` gives it; files that it
-    builds on are relative to the working folder. Raises RefusedError as `read_profile`."""
+    """Profile of settings as a TOML file has them (files that it builds on are relative to the working folder), or of a
+    dump of the whole model, `origin` included. Raises RefusedError as `read_profile`."""
     if "origin" in content:
         return Profile.model_validate(content)
     return _of_layer(content, Path(f"{name}.toml"), ())[0]
@@ -192,7 +192,7 @@ def _of_layer(content: Content, path: Path, above: tuple[Path, ...]) -> tuple[Pr
 
 def _plain(profile: Profile) -> Content:
     """All that a file can set, but the name."""
-    return profile.model_dump(mode="json", by_alias=True, exclude={"name", "origin"})
+    return {key: value for key, value in profile.resolved().items() if key != "name"}
 
 
 def _base_of(named: Any, path: Path, above: tuple[Path, ...]) -> Path:

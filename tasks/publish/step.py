@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from catalog.observation import Observation
-from tasks.project.uncertainty import PoseUncertainty
+from tasks.project.uncertainty import stated_uncertainty
 from tasks.publish.names import CUBE, OVERLAY
 from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
@@ -47,7 +47,7 @@ def run(work: Work) -> dict[str, Any]:
         target=target_of(work),
         pose_before=before,
         pose_after=after,
-        uncertainty=PoseUncertainty.from_sigmas(corrected["uncertainty"]),
+        uncertainty=stated_uncertainty(corrections),
         result={**work.places["result"], **corrected, **limb_of(records["validate"])},
         settings=dict(work.inputs["profile"]),
         provenance=provenance(work, records, corrections),
@@ -90,6 +90,7 @@ def provenance(work: Work, records: dict[str, Record], corrections: dict[str, di
         "kernels": predicted["kernels"],
         "basemap": dict(work.inputs["basemap"]),
         "undistort": records["undistort"].result,
+        "profile_origin": work.inputs["profile_origin"],
         "guidance": dict(work.inputs["guidance"]),
         "start": records["start"].inputs if "start" in records else None,
         "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
