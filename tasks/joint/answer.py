@@ -75,6 +75,7 @@ def find_pose_jointly(
         estimate = replace(estimate, free_covariance=free, covariance=product)
     correction = as_correction(estimate, start, metadata, sigmas, away, scene, led)
     correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
+    correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
     return correction
 
 

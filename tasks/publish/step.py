@@ -13,7 +13,7 @@ from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.stored import camera_of, load_arrays, load_observation, pose_in, target_of
-from tasks.summary import summary
+from tasks.summary import calibrated, summary
 from tasks.undistort.model import Identity
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
@@ -39,7 +39,8 @@ def run(work: Work) -> dict[str, Any]:
     before, after = pose_in(work.place("predicted")), pose_in(work.place("pose"))
     corrections = {name: r.result for name, r in records.items() if name.partition("-")[0] in CORRECTIONS}
     resumed = {"start": records["start"].result} if "start" in records else {}
-    corrected = summary(before, after, camera, resumed | corrections)
+    stated = calibrated(resumed | corrections)
+    corrected = summary(before, after, camera, stated)
     publication = Publication(
         product=work.inputs["product"],
         observation=load_observation(work.place("undistort")),
@@ -47,7 +48,7 @@ def run(work: Work) -> dict[str, Any]:
         target=target_of(work),
         pose_before=before,
         pose_after=after,
-        uncertainty=stated_uncertainty(corrections),
+        uncertainty=stated_uncertainty(stated),
         result={**work.places["result"], **corrected, **limb_of(records["validate"])},
         settings=dict(work.inputs["profile"]),
         provenance=provenance(work, records, corrections),
