@@ -137,8 +137,9 @@ def evaluate_image(job: Job) -> Row:
 
 
 def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target) -> dict[str, float]:
-    """1-sigma of what the joint step's errors allow for and simulated images do not have: errors of the focal
-    length, of the body's radius and its relief, and of the frame of the map (the other map's own is taken out). By keys of `uncertainty`."""
+    """1-sigma of what the joint step's errors allow for and simulated images do not have: errors of the focal length,
+    of the body's radius and its relief, and of the frame of the map (the other map's own is taken out). By keys of
+    `uncertainty`."""
     if "joint" not in profile.steps:
         return {}
     variance = of_the_body(target, disk_radius_px(truth, camera, target)) + of_the_camera(camera)

@@ -16,7 +16,7 @@ from tasks.attitude.kabsch import robust_kabsch
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
-from tasks.correction import Correction
+from tasks.correction import FORMAL, Correction
 from tasks.project.points import body_points
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -38,7 +38,11 @@ class AttitudeSettings(BaseModel):
     shading, relative to the brightest, at which markings are compared.
 
     max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
-    paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error."""
+    paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error.
+
+    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn; map_frame_deg: how far a
+    map lies from the frame of its body's coordinates, about each axis, as of the joint step. Both are in the stated
+    error, beside the scatter of the flow; place_px is measured (docs/method/uncertainty.md)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -51,6 +55,8 @@ class AttitudeSettings(BaseModel):
     max_sigma_deg: float = Field(1.0, gt=0)
     max_turns: int = Field(5, ge=1, le=50)
     settle_deg: float = Field(0.01, gt=0)
+    place_px: float = Field(0.1, ge=0)
+    map_frame_deg: float = Field(0.14, ge=0)
 
 
 @dataclass(frozen=True)
@@ -112,8 +118,13 @@ def find_attitude(
                 f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
             )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
-    sigma = None if turn.sigma_deg is None else turn.sigma_deg.tolist()
-    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence, settled)
+    stated, formal = None, turn.sigma_deg
+    if formal is not None:
+        evidence[FORMAL] = {"attitude_deg": formal.tolist()}
+        systematic = np.hypot(settings.map_frame_deg, np.degrees(settings.place_px / radius))
+        stated = np.hypot(formal, systematic).tolist()
+        evidence["map_frame_deg"] = settings.map_frame_deg
+    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": stated}, evidence, settled)
 
 
 def simulated_match(observation: Observation, scene: Scene, pose: Pose, reduction: int) -> Match:

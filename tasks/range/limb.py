@@ -31,8 +31,8 @@ class LimbRangeSettings(BaseModel):
     stop_px: float = Field(0.02, gt=0)
     max_iterations: int = Field(12, ge=1, le=100)
     limit: float = Field(0.06, gt=0, lt=0.5)
-    centre_px: float = Field(0.05, ge=0)
-    radius_px: float = Field(0.06, ge=0)
+    centre_px: float = Field(0.09, ge=0)
+    radius_px: float = Field(0.10, ge=0)
     across: float | None = Field(None, gt=0)
     edges: LimbSettings = LimbSettings()
 

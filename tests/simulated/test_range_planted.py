@@ -40,9 +40,7 @@ def test_the_planted_range_is_recovered(observation: Observation, photometry: st
     found = find_range(observation, wrong(0.995, OFFSET_PX), scene_of(CAMERA, photometry, oversample=4), settings)
     error, centre = found.changed["range_factor"] - 0.995, pose_error(found.pose, TRUTH, CAMERA, EUROPA).centre_px
     sigma = found.evidence["formal"]["range_factor"]
-    print(
-        f"range 0.995: error {error:+.6f}, formal 1-sigma {sigma:.6f}, centre off by {np.hypot(*centre):.4f} px, bar {BAR}"
-    )
+    print(f"range 0.995: error {error:+.6f}, formal {sigma:.6f}, centre off by {np.hypot(*centre):.4f} px, bar {BAR}")
     assert abs(error) < BAR
     stated = found.uncertainty["range_factor"]
     assert stated is None if settings.method == "ssim" else stated > max(sigma, abs(error) / 2)
