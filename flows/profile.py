@@ -43,11 +43,15 @@ class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
-    the pose is doubtful; None doubts none."""
+    the pose is doubtful; None doubts none. sun_across_deg, sun_phase_deg: where the image puts the Sun elsewhere than
+    the metadata do by more than four of its errors and more than so much, as an angle on the sky across the plane of
+    the phase angle and in it, the pose is doubtful; None is not asked."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
     sure_limb_rms_px: float | None = Field(None, gt=0)
+    sun_across_deg: float | None = Field(5.0, gt=0)
+    sun_phase_deg: float | None = Field(10.0, gt=0)
     require_limb: bool = True
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)

@@ -96,6 +96,7 @@ def provenance(work: Work, records: dict[str, Record], corrections: dict[str, di
         "start": records["start"].inputs if "start" in records else None,
         "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
         "limb": records["validate"].result["limb"],
+        "sun": records["validate"].result["sun"],
         "steps": {
             name: {"key": r.key, "code": r.code, "seconds": r.seconds, "written": r.written}
             for name, r in records.items()
