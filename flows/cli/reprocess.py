@@ -67,7 +67,7 @@ def reprocess(
 
     writable(store)
     if profile:
-        usable_profile(profile, None)
+        usable_profile(profile, None, quiet)
     usable_kernels(kernels or [])
     settings = settings_of(
         images=images,

@@ -136,6 +136,8 @@ def test_the_command_says_what_a_profile_changes(tmp_path: Path) -> None:
     assert "profile own builds on joint; of joint it changes accept.max_limb_rms_px 3.0 -> 6.0." in done.stderr
     done = CliRunner().invoke(build_app(), ["correct", missing, "--hold", "everything", "--no-kernels"])
     assert "builds on" not in done.stderr
+    quiet = ["correct", missing, "--profile", str(own), "--hold", "everything", "--no-kernels", "--quiet"]
+    assert "builds on" not in CliRunner().invoke(build_app(), quiet).stderr
 
 
 def test_tables_merge_and_all_else_replaces() -> None:
