@@ -33,9 +33,9 @@ DIFFERENCE_DEG, LARGEST_DEG, LARGEST_PX = 1.0, 15.0, 1.0
 # Below this distance from the spacecraft, or from the point behind the target, the Sun has no azimuth in the image.
 LEAST_PHASE_DEG = 3.0
 # What laws and maps move the Sun by, beyond the residuals' scatter, degrees, 1-sigma: measured on simulated images of
-# other laws and maps with the right Sun (azimuth as an angle on the sky 0.8 at most, phase 2.2), and on real ones (1.0,
+# other laws and maps with the right Sun (azimuth as an angle on the sky 2.7 at most, phase 2.4), and on real ones (1.0,
 # and 6 of phase on Pluto by LORRI).
-ACROSS_SIGMA_DEG, PHASE_SIGMA_DEG = 0.5, 2.5
+ACROSS_SIGMA_DEG, PHASE_SIGMA_DEG = 1.0, 2.5
 # Blocks of so many pixels of the reduced disk in which a map's or a law's errors go together.
 BLOCK_PX = 6
 
