@@ -20,7 +20,7 @@ from flows.progress import Silent
 from flows.request import Request
 from flows.simulate import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
-from tasks.joint.uncertainty import of_the_body
+from tasks.joint.uncertainty import of_the_body, of_the_camera
 from tasks.record import Record
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run
@@ -137,14 +137,16 @@ def evaluate_image(job: Job) -> Row:
 
 
 def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target) -> dict[str, float]:
-    """1-sigma of what the joint step's errors allow for and simulated images do not have: errors of the body's radius
-    and its relief, and of the frame of the map (the other map's own is taken out). By keys of `uncertainty`."""
+    """1-sigma of what the joint step's errors allow for and simulated images do not have: errors of the focal length,
+    of the body's radius and its relief, and of the frame of the map (the other map's own is taken out). By keys of
+    `uncertainty`."""
     if "joint" not in profile.steps:
         return {}
-    body = np.sqrt(np.diag(of_the_body(target, disk_radius_px(truth, camera, target))))
+    variance = of_the_body(target, disk_radius_px(truth, camera, target)) + of_the_camera(camera)
+    lacking = np.sqrt(np.diag(variance))
     return {
-        "centre_px": float(body[OFFSET][0]),
-        "range_factor": float(body[RANGE]),
+        "centre_px": float(lacking[OFFSET][0]),
+        "range_factor": float(lacking[RANGE]),
         "attitude_deg": profile.joint.systematic.map_frame_deg,
     }
 

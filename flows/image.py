@@ -22,7 +22,7 @@ from flows.request import (
     target_inputs,
     target_names_digest,
 )
-from flows.result import result_of
+from flows.result import origin_of, result_of
 from flows.settling import settled
 from flows.verdict import believe, explained, reminded
 from tasks.correction import IMAGE_MOVED
@@ -219,6 +219,7 @@ def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str,
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "profile": request.profile.resolved(),
+        "profile_origin": origin_of(request.profile),
         "guidance": guidance_of(request) | overruled_of(chain.result("ingest")),
     }
     places = basemap | {

@@ -1,4 +1,5 @@
-"""A profile chooses every step's brick and settings. It is a TOML file; what it leaves out keeps its default."""
+"""A profile chooses every step's brick and settings. It is a TOML file that builds on another profile: what it leaves
+out is as there."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -9,6 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from flows.defaults import DEFAULT_PROFILE
+from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.attitude import AttitudeSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
@@ -20,6 +23,8 @@ from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
 
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
+# In a profile file: what it builds on, and the word for no profile, but the defaults that each setting has by itself.
+BASE, BARE = "base", "defaults"
 CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
 CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
 # What a pass does unless the profile says otherwise; the paper's order.
@@ -38,11 +43,15 @@ class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
-    the pose is doubtful; None doubts none."""
+    the pose is doubtful; None doubts none. sun_across_deg, sun_phase_deg: where the image puts the Sun elsewhere than
+    the metadata do by more than four of its errors and more than so much, as an angle on the sky across the plane of
+    the phase angle and in it, the pose is doubtful; None is not asked."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
     sure_limb_rms_px: float | None = Field(None, gt=0)
+    sun_across_deg: float | None = Field(5.0, gt=0)
+    sun_phase_deg: float | None = Field(10.0, gt=0)
     require_limb: bool = True
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)
@@ -72,7 +81,12 @@ class LaterPasses(BaseModel):
 
 class Profile(BaseModel):
     """The settings of all steps. passes: how often, at most, the corrections are done in turn. steps: the first pass's
-    corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out."""
+    corrections, in this order. hold: what must stay as it is at the start; steps that would change it are left out.
+    origin: not a setting; what a user's profile builds on and changes, None for those that come with the program.
+
+    Made directly, what is left out has the defaults of the settings themselves, which are no profile that comes with
+    the program: `find_profile` and `profile_of` build on one.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field("unnamed", min_length=1)
@@ -90,6 +104,7 @@ class Profile(BaseModel):
     still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
+    origin: Origin | None = None
 
     @model_validator(mode="after")
     def _something_is_left(self) -> "Profile":
@@ -99,12 +114,12 @@ class Profile(BaseModel):
 
     def holding(self, groups: Iterable[str]) -> "Profile":
         """Copy that also holds `groups`. Raises ValidationError when no correction is left, or a group is unknown."""
-        content = self.resolved()
-        return Profile.model_validate(content | {"hold": list(dict.fromkeys([*content["hold"], *groups]))})
+        held = list(dict.fromkeys([*self.hold, *groups]))
+        return Profile.model_validate(self.model_dump(mode="json", by_alias=True) | {"hold": held})
 
     def resolved(self) -> dict[str, Any]:
         """Every setting with its value, defaults included, as plain JSON."""
-        return self.model_dump(mode="json", by_alias=True)
+        return self.model_dump(mode="json", by_alias=True, exclude={"origin"})
 
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
         """The corrections of pass `number`, in the order of doing, without those that would change what is held."""
@@ -144,19 +159,89 @@ def find_profile(name_or_file: str) -> Profile:
 
 
 def read_profile(path: Path) -> Profile:
-    """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting."""
+    """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting,
+    for a base that is not there, and for profiles that build on each other."""
+    return _of_layer(_content_of(path), path, (path,))[0]
+
+
+def profile_of(content: Content, name: str = "unnamed") -> Profile:
+    """Profile of settings as a TOML file has them (files that it builds on are relative to the working folder), or of a
+    dump of the whole model, `origin` included. Raises RefusedError as `read_profile`."""
+    if "origin" in content:
+        return Profile.model_validate(content)
+    return _of_layer(content, Path(f"{name}.toml"), ())[0]
+
+
+def _of_layer(content: Content, path: Path, above: tuple[Path, ...]) -> tuple[Profile, Content]:
+    """Profile of a file's content, and its settings with those that it builds on; above: the files that lead here."""
+    shipped = path in known_profiles().values()
+    named = content.get(BASE, BARE if shipped else DEFAULT_PROFILE)
+    settings = {key: value for key, value in content.items() if key != BASE}
+    bases: tuple[str, ...] = (BARE,)
+    if named == BARE:
+        # Value by value: a table that names some settings of a group leaves the others as this group has them.
+        settings = merged(_plain(Profile()), settings)
+    else:
+        base = _base_of(named, path, above)
+        below, under = _of_layer(_content_of(base), base, (*above, base))
+        settings = merged(under, settings)
+        bases = (named, *(below.origin.bases if below.origin else ()))
+    profile = _validated(settings | {"name": content.get("name", path.stem)}, path)
+    if shipped:
+        return profile, settings
+    root = Profile() if bases[-1] == BARE else find_profile(bases[-1])
+    origin = Origin(bases=bases, changes=differences(_plain(root), _plain(profile)))
+    return profile.model_copy(update={"origin": origin}), settings
+
+
+def _plain(profile: Profile) -> Content:
+    """All that a file can set, but the name."""
+    return {key: value for key, value in profile.resolved().items() if key != "name"}
+
+
+def _base_of(named: Any, path: Path, above: tuple[Path, ...]) -> Path:
+    """The file of the profile that the one of `path` names as its base."""
+    base = known_profiles().get(named) if isinstance(named, str) else None
+    if base is None and isinstance(named, str):
+        base = path.parent / Path(named).expanduser()
+    if base is None or not base.is_file():
+        raise RefusedError(
+            "profile-base-missing",
+            f"profile {path} builds on {named!r}, which is neither a profile that comes with the program nor a file.",
+            f'Known are {", ".join(known_profiles())}, and "{BARE}"; a file is looked for beside the profile.',
+        )
+    if base.resolve() in [each.resolve() for each in above]:
+        chain = " -> ".join(str(each) for each in (*above, base))
+        raise RefusedError(
+            "profile-base-circular",
+            f"profiles build on each other: {chain}.",
+            f'Let one of them say base = "{DEFAULT_PROFILE}".',
+        )
+    return base
+
+
+def _content_of(path: Path) -> Content:
     try:
-        content = read_toml_file(path)
+        return read_toml_file(path)
     except (OSError, ValueError) as error:
         raise RefusedError(
             "profile-unreadable",
             f"profile {path} cannot be read: {error}.",
             f"Give a TOML file, or one of {', '.join(known_profiles())}.",
         ) from error
+
+
+def _validated(settings: Content, path: Path) -> Profile:
     try:
-        return Profile.model_validate({"name": path.stem, **content})
+        if "origin" in settings:
+            raise ValueError("origin: this is told of a profile, and no setting")
+        return Profile.model_validate(with_nothing(Profile, with_later_completed(settings)))
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())
-        raise RefusedError(
-            "profile-invalid", f"profile {path}: {faults}.", "See the README for the settings."
-        ) from error
+        raise _invalid(path, faults) from error
+    except ValueError as error:
+        raise _invalid(path, str(error)) from error
+
+
+def _invalid(path: Path, faults: str) -> RefusedError:
+    return RefusedError("profile-invalid", f"profile {path}: {faults}.", "`planetpose profiles` shows every setting.")

@@ -16,10 +16,12 @@ from catalog.settings import cache_folder, default_kernels
 from catalog.spice import list_kernels
 from catalog.target import TARGET_FOLDER, Target, find_target, is_target_file
 from flows.defaults import DEFAULT_PROFILE
-from flows.profile import Profile, find_profile
+from flows.profile import Profile, find_profile, profile_of
 
 
 def _profile_by_name(profile: Any) -> Any:
+    if isinstance(profile, dict):
+        return profile_of(profile)
     return find_profile(profile) if isinstance(profile, str) else profile
 
 
@@ -34,9 +36,10 @@ class Request(BaseModel):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
     target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog. shape:
     model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
-    environment. profile: its settings, or its name or file; what it holds stays. start_offset_px: added to the
-    predicted centre beforehand. mask: file whose non-zero pixels are not used. resume: an earlier result to start
-    from, see `flows.guidance`. publish_to: URL of an object store that the product is copied to from `store`."""
+    environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
+    what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
+    not used. resume: an earlier result to start from, see `flows.guidance`. publish_to: URL of an object store that the
+    product is copied to from `store`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path

@@ -9,6 +9,7 @@ from catalog.errors import PlanetposeError
 from catalog.settings import ways_out_of
 from flows.chain import Chain
 from flows.guidance import guidance_of, overruled_of
+from flows.profile import Profile
 from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
 from tasks.atomic import without_temporaries
@@ -23,6 +24,7 @@ EMPTY: dict[str, Any] = {
     "pose_source": None,
     "profile": None,
     "warnings": [],
+    "profile_origin": None,
     "guidance": {"start_offset_px": None, "held": [], "mask": None, "resumed_from": None, "overruled": []},
     "centre_px": None,
     "offset_px": None,
@@ -55,13 +57,19 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
-    result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
+    profile = chain.request.profile
+    result = EMPTY | {"product": chain.request.product, "profile": profile.name, "profile_origin": origin_of(profile)}
     result["guidance"] = guidance_of(chain.request) | overruled_of(chain.result("ingest"))
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
     seconds = {name: record.seconds for name, record in chain.records.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}
+
+
+def origin_of(profile: Profile) -> dict[str, Any] | None:
+    """What a user's profile builds on and changes, as plain JSON; None for those that come with the program."""
+    return profile.origin.model_dump(mode="json") if profile.origin else None
 
 
 def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:

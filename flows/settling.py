@@ -3,6 +3,7 @@
 from typing import Any
 
 from flows.chain import Chain
+from tasks.correction import FORMAL
 
 
 def settled(chain: Chain, number: int) -> bool:
@@ -18,9 +19,11 @@ def settled(chain: Chain, number: int) -> bool:
 
 
 def _small(results: list[dict[str, Any]], key: str, neutral: float, limit: float) -> bool:
-    """Whether every step's change of `key` is within `limit` of `neutral`, or within half of its own error."""
+    """Whether every step's change of `key` is within `limit` of `neutral`, or within half of its own error by the
+    scatter of its residuals."""
     for result in results:
-        changes, errors = (_as_list(result[kind].get(key)) for kind in ("changed", "uncertainty"))
+        formal = result.get("evidence", {}).get(FORMAL) or result["uncertainty"]
+        changes, errors = _as_list(result["changed"].get(key)), _as_list(formal.get(key))
         errors = errors or [0.0] * len(changes)
         if any(abs(c - neutral) > max(limit, e / 2) for c, e in zip(changes, errors, strict=True)):
             return False

@@ -19,7 +19,8 @@ centre_px = [35.5, 31.5]
 focal_length_px = 10000
 psf_sigma_px = 0.8
 """
-PROFILE = """passes = 1
+PROFILE = """base = "defaults"
+passes = 1
 steps = ["point"]
 [simulate]
 oversample = 2

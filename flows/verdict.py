@@ -11,6 +11,7 @@ from flows.chain import Chain
 from flows.profile import AcceptSettings
 
 BEHIND = "target-behind-camera"
+SUN_SIGMAS = 4.0
 PUBLISHED = ("ok", "doubtful")
 
 
@@ -51,7 +52,8 @@ def doubts(chain: Chain) -> list[str]:
     found = [result.get("evidence", {}).get("doubt") for result in last.values()]
     if "validate" in last:
         accept = chain.request.profile.accept
-        found += [doubtful_likeness(accept, last["validate"]), doubtful_limb(accept, last["validate"])]
+        report = last["validate"]
+        found += [doubtful_likeness(accept, report), doubtful_limb(accept, report), doubtful_sun(accept, report)]
     return [doubt for doubt in found if doubt]
 
 
@@ -74,6 +76,26 @@ def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     return (
         f"limb-disagrees: markings and brightness put the limb {rms_px:.2f} px (RMS) from where the image shows it "
         f"(sure to {sure_px:g} px). Check the base map and the picture; --profile standard trusts the limb alone."
+    )
+
+
+def doubtful_sun(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """The doubt that a terminator and a shading raise which are not those of the metadata's Sun."""
+    sun = report.get("sun") or {}
+    if sun.get("across_deg") is None:
+        return None
+
+    def contradicts(name: str, least_deg: float | None) -> bool:
+        off_deg = abs(sun[f"{name}_deg"])
+        return least_deg is not None and off_deg > max(least_deg, SUN_SIGMAS * sun[f"{name}_sigma_deg"])
+
+    if not contradicts("across", accept.sun_across_deg) and not contradicts("phase", accept.sun_phase_deg):
+        return None
+    return (
+        f"sun-direction-disagrees: shading and terminator put the Sun {sun['azimuth_deg']:+.0f} deg (1-sigma "
+        f"{sun['azimuth_sigma_deg']:.1f}) about the line of sight, from +x towards +y, and {sun['phase_deg']:+.0f} deg "
+        f"({sun['phase_sigma_deg']:.1f}) of phase from where the metadata have it. Check sun_from_target_km, the "
+        "camera's roll, and whether the picture is flipped."
     )
 
 

@@ -43,6 +43,22 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
     }
 
 
+def calibrated(corrections: Corrections) -> dict[str, Mapping[str, Any]]:
+    """The corrections as they may be stated: without the attitude's error of steps that take the disk's place for known
+    (those that state no offset themselves) where no step states how well it is."""
+    stated = [result["uncertainty"] for result in corrections.values()]
+    ranged = any(result["changed"].get("range_factor") is not None for result in corrections.values())
+    needed = ("offset_px", "range_factor") if ranged else ("offset_px",)
+    if all(any(sigma.get(key) is not None for sigma in stated) for key in needed):
+        return dict(corrections)
+    return {
+        name: {**result, "uncertainty": {**result["uncertainty"], "attitude_deg": None}}
+        if result["uncertainty"].get("attitude_deg") is not None and result["uncertainty"].get("offset_px") is None
+        else result
+        for name, result in corrections.items()
+    }
+
+
 def rolled_deg(corrections: Corrections) -> float | None:
     """All rolls of the camera together, None when no step determined one."""
     rolls = [result["changed"].get("roll_deg") for result in corrections.values()]

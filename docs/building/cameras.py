@@ -62,6 +62,7 @@ def figures(camera: Camera) -> list[tuple[str, str]]:
         ("raw frame", f"{raw[0]} x {raw[1]} px" + (f", valid window {window}" if window else "")),
         ("boresight falls on", "({:g}, {:g}), 0-based".format(*camera.centre_px)),
         ("focal length", f"{camera.focal_length_px:.3f} px" + (f" ({mm})" if mm else "")),
+        ("focal length, 1-sigma", f"{100 * camera.focal_length_sigma:.2g} %"),
         ("pixel", f"{pixel_urad(camera):.4f} µrad"),
         ("distortion model", code(camera.distortion.model)),
         ("PSF", f"Gaussian, sigma {camera.psf_sigma_px:g} px of the undistorted frame"),

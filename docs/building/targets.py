@@ -3,7 +3,7 @@
 from building.markdown import code
 from building.markdown import table as table_of
 from catalog.target import Target, known_targets
-from tasks.project.more_planes import MORE_PLANES
+from tasks.project.more_planes import ADDED_PLANES
 
 
 def table(_: str = "") -> str:
@@ -23,4 +23,4 @@ def row(target: Target) -> tuple[object, ...]:
 
 def planes(_: str = "") -> str:
     """The planes of `planetpose planes`."""
-    return table_of(("plane", "unit", "what"), ((code(p.name), p.units, p.long_name) for p in MORE_PLANES.values()))
+    return table_of(("plane", "unit", "what"), ((code(p.name), p.units, p.long_name) for p in ADDED_PLANES.values()))

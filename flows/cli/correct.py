@@ -63,7 +63,7 @@ def correct(
     from flows.result import exit_status, tally
     from flows.run import run_requests
 
-    chosen = holding(usable_profile(profile, max_passes), hold)
+    chosen = holding(usable_profile(profile, max_passes, quiet), hold)
     usable_kernels(kernels or [])
     offset_px, place = two_numbers(start_offset), writable(store)
     requests = [
@@ -130,15 +130,19 @@ def usable_kernels(paths: list[Path]) -> None:
         raise typer.BadParameter(str(error), param_hint="--kernels") from error
 
 
-def usable_profile(name_or_file: str, max_passes: int | None) -> "Profile":
-    """The profile; an unknown or invalid one is wrong usage."""
+def usable_profile(name_or_file: str, max_passes: int | None, quiet: bool = False) -> "Profile":
+    """The profile; an unknown or invalid one is wrong usage. What one of the user's changes is said on
+    stderr, unless `quiet`."""
     from catalog.errors import RefusedError
     from flows.profile import find_profile
+    from flows.profile_layers import in_words
 
     try:
         chosen = find_profile(name_or_file)
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--profile") from error
+    if chosen.origin and not quiet:
+        print(f"planetpose: {in_words(chosen.name, chosen.origin)}", file=sys.stderr, flush=True)
     return chosen.model_copy(update={"passes": max_passes}) if max_passes else chosen
 
 

@@ -42,7 +42,7 @@ def evaluate(
     from tasks.pictures.reliability_figure import reliability_figure
 
     named = profile or ([] if ablation else [DEFAULT_PROFILE])
-    profiles = [*(usable_profile(name, None) for name in named), *(ablated() if ablation else [])]
+    profiles = [*(usable_profile(name, None, quiet) for name in named), *(ablated() if ablation else [])]
     if len({each.name for each in profiles}) < len(profiles):
         raise typer.BadParameter("two profiles have one name", param_hint="--profile")
 

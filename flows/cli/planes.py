@@ -19,15 +19,16 @@ def planes(
     list_: Annotated[bool, typer.Option("--list", help="Only print the names.")] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
 ) -> None:
-    """Add planes that cubes do not hold, in planes.zarr beside the cube: azimuths, local time, sky, limb distance."""
+    """Add planes that cubes do not hold, in planes.zarr beside the cube: azimuths, local time, sky, limb
+    distance, parts of the uncertainty."""
     from catalog.errors import RefusedError
     from flows.cli.output import clean_stdout, write_json
-    from tasks.project.more_planes import MORE_PLANES, planes_named
+    from tasks.project.more_planes import ADDED_PLANES, planes_named
     from tasks.publish.check import products_in
     from tasks.publish.extra_planes import write_extra_planes
 
     if list_:
-        for name, plane in MORE_PLANES.items():
+        for name, plane in ADDED_PLANES.items():
             print(f"{name:28s} {plane.long_name} ({plane.units})")
         return
     if not paths:

@@ -57,7 +57,7 @@ def reprocess(
     """Correct the images of a list that are new or whose inputs, settings, kernels or code changed."""
     from functools import partial
 
-    from flows.cli.correct import usable_kernels, writable
+    from flows.cli.correct import usable_kernels, usable_profile, writable
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
     from flows.reprocessing.command import run_reprocess
@@ -66,6 +66,8 @@ def reprocess(
     from flows.reprocessing.telling import telling
 
     writable(store)
+    if profile:
+        usable_profile(profile, None, quiet)
     usable_kernels(kernels or [])
     settings = settings_of(
         images=images,

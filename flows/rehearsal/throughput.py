@@ -10,7 +10,8 @@ from flows.small_archive import write_small_archive
 
 WARM_UP_PER_WORKER = 3
 PROFILE_FILE = "three-steps.toml"
-PROFILE = """passes = 1
+PROFILE = """base = "defaults"
+passes = 1
 steps = ["point", "range", "attitude"]
 [accept]
 min_likeness = 0.3

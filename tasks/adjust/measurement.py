@@ -121,7 +121,7 @@ def measurement_of(
         predicted=predicted,
         psf_sigma_px=float(joint["changed"]["psf_sigma_px"] / np.exp(step[PSF])),
         step=step,
-        covariance=free_covariance(evidence, joint["uncertainty"]["range_factor_free"]),
+        covariance=without_focal_length(evidence, free_covariance(evidence, joint["uncertainty"]["range_factor_free"])),
         sigmas=sigmas,
         held=held,
         range_sigma=np.inf if prior is None else float(prior),
@@ -137,6 +137,14 @@ def free_covariance(evidence: Mapping[str, Any], free_sigma: float | None) -> Ar
     both = free_sigma**2 + prior**2
     with_range = covariance[:, RANGE] * both / prior**2
     return np.asarray(covariance + np.outer(with_range, with_range) / both)
+
+
+def without_focal_length(evidence: Mapping[str, Any], covariance: Array) -> Array:
+    """Covariance (8, 8) without the focal length's error, which images of one camera share and the adjustment finds."""
+    own = covariance.copy()
+    if "range" not in evidence["held"]:
+        own[RANGE, RANGE] -= float(evidence.get("focal_length_sigma", 0.0)) ** 2
+    return own
 
 
 def _last_joint(product: str, provenance: Any) -> Any:

@@ -16,7 +16,7 @@ from tasks.attitude.kabsch import robust_kabsch
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
-from tasks.correction import Correction
+from tasks.correction import FORMAL, Correction
 from tasks.project.points import body_points
 from tasks.rest import REST_PX, rest_of
 from tasks.simulate import Scene
@@ -40,7 +40,11 @@ class AttitudeSettings(BaseModel):
 
     max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
     paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error, or when the turns
-    go to and fro within rest_px at the limb, or their error, of the middle of their way, which is then taken."""
+    go to and fro within rest_px at the limb, or their error, of the middle of their way, which is then taken.
+
+    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn; map_frame_deg: how far a
+    map lies from the frame of its body's coordinates, about each axis, as of the joint step. Both are in the stated
+    error, beside the scatter of the flow; place_px is measured (docs/method/uncertainty.md)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -54,6 +58,8 @@ class AttitudeSettings(BaseModel):
     max_turns: int = Field(5, ge=1, le=50)
     settle_deg: float = Field(0.01, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
+    place_px: float = Field(0.1, ge=0)
+    map_frame_deg: float = Field(0.14, ge=0)
 
 
 @dataclass(frozen=True)
@@ -125,8 +131,13 @@ def find_attitude(
                 f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
             )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
-    sigma = None if turn.sigma_deg is None else turn.sigma_deg.tolist()
-    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": sigma}, evidence, settled)
+    stated, formal = None, turn.sigma_deg
+    if formal is not None:
+        evidence[FORMAL] = {"attitude_deg": formal.tolist()}
+        systematic = np.hypot(settings.map_frame_deg, np.degrees(settings.place_px / radius))
+        stated = np.hypot(formal, systematic).tolist()
+        evidence["map_frame_deg"] = settings.map_frame_deg
+    return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": stated}, evidence, settled)
 
 
 def simulated_match(observation: Observation, scene: Scene, pose: Pose, reduction: int) -> Match:

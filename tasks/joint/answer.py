@@ -73,7 +73,10 @@ def find_pose_jointly(
     if not markings_match:
         free, product = (with_attitude_of(e, sigmas) for e in (estimate.free_covariance, estimate.covariance))
         estimate = replace(estimate, free_covariance=free, covariance=product)
-    return as_correction(estimate, start, metadata, sigmas, away, scene, led)
+    correction = as_correction(estimate, start, metadata, sigmas, away, scene, led)
+    correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
+    correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
+    return correction
 
 
 def as_correction(

@@ -15,7 +15,7 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, solve_joint
-from tasks.joint.uncertainty import covariance, of_the_body, systematic
+from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -106,7 +106,7 @@ def estimated(
     shown = covariance(free.problem, free.fit)
     blur = max(1.0, state.width_px / scene.psf_sigma_px) if scene.psf_sigma_px > 0 else 1.0
     own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
-    common = of_bending + of_the_body(scene.target, radius)
+    common = of_bending + of_the_body(scene.target, radius) + of_the_camera(scene.camera)
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0

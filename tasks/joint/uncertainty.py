@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.camera import Camera
 from catalog.target import Target
 from tasks.joint.fit import Fit, Problem, scaled_inverse
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
@@ -76,6 +77,13 @@ def of_the_body(target: Target, radius_px: float) -> Array:
     variance[OFFSET] = 2 * relief_px**2 / INDEPENDENT_LIMBS
     variance[RANGE] = (relief_px / radius_px) ** 2 / INDEPENDENT_LIMBS
     variance[RANGE] += ((target.radius_sigma_km or 0.0) / target.mean_radius_km) ** 2
+    return np.diag(variance)
+
+
+def of_the_camera(camera: Camera) -> Array:
+    """Variances (8, 8) that come from the focal length, which scales the picture as the range does."""
+    variance = np.zeros(MOVING)
+    variance[RANGE] = camera.focal_length_sigma**2
     return np.diag(variance)
 
 

@@ -116,7 +116,7 @@ def _origin(attributes: dict[str, Any], nested: dict[str, Any]) -> dict[str, Any
 
 
 def _without_matrix(uncertainty: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in uncertainty.items() if key != "covariance"}
+    return {key: value for key, value in uncertainty.items() if key not in ("covariance", "parameters")}
 
 
 def _name_of(kernel: Any) -> Any:

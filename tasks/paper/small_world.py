@@ -30,7 +30,14 @@ TRUTH_OVERSAMPLE = 7
 def small_camera(diameter_px: float = 160.0, size_px: tuple[int, int] = (224, 208)) -> Camera:
     """Camera through which Europa at RANGE_KM is `diameter_px` wide."""
     focal_px = diameter_px / 2 * RANGE_KM / EUROPA.mean_radius_km
-    return Camera(name="small", size_px=size_px, centre_px=(109.3, 105.6), focal_length_px=focal_px, psf_sigma_px=0.8)
+    return Camera(
+        name="small",
+        size_px=size_px,
+        centre_px=(109.3, 105.6),
+        focal_length_px=focal_px,
+        focal_length_sigma=0.0,
+        psf_sigma_px=0.8,
+    )
 
 
 def true_pose(

@@ -150,15 +150,44 @@ PLANES_OF_SKY = (
 MORE_PLANES: dict[str, Plane | SkyPlane] = {plane.name: plane for plane in (*PLANES_OF_SURFACE, *PLANES_OF_SKY)}
 
 
+@dataclass(frozen=True)
+class SigmaPart:
+    """A part of the cube's uncertainty of latitude or longitude; the squares of a coordinate's parts add up to that of
+    the whole. coordinate: latitude or longitude; part: pose, distortion or map_frame."""
+
+    name: str
+    units: str
+    long_name: str
+    coordinate: str
+    part: str
+    valid_range: tuple[float, float] | None = None
+
+
+PARTS = {
+    "pose": "pose without the map's frame",
+    "distortion": "place of the pixel itself (distortion)",
+    "map_frame": "place of the base map in the body's frame",
+}
+SIGMA_PARTS = {
+    f"{name}_uncertainty_{part}": SigmaPart(
+        f"{name}_uncertainty_{part}", "degree", f"1-sigma of the {name} from the {what}", name, part, (0.0, limit)
+    )
+    for name, limit in (("latitude", 90.0), ("longitude", 180.0))
+    for part, what in PARTS.items()
+}
+# All that `planetpose planes` can add.
+ADDED_PLANES: dict[str, Plane | SkyPlane | SigmaPart] = {**MORE_PLANES, **SIGMA_PARTS}
+
+
 def planes_named(text: str) -> tuple[str, ...]:
-    """Names of MORE_PLANES in a comma-separated list, or all of them for `all`. Raises RefusedError for others."""
-    names = tuple(MORE_PLANES) if text.strip() == "all" else tuple(part.strip() for part in text.split(",") if part)
-    unknown = [name for name in names if name not in MORE_PLANES]
+    """Names of ADDED_PLANES in a comma-separated list, or all of them for `all`. Raises RefusedError for others."""
+    names = tuple(ADDED_PLANES) if text.strip() == "all" else tuple(part.strip() for part in text.split(",") if part)
+    unknown = [name for name in names if name not in ADDED_PLANES]
     if unknown or not names:
         raise RefusedError(
             "plane-unknown",
             f"there is no plane {', '.join(unknown) or text!r}.",
-            f"Known are {', '.join(MORE_PLANES)}; or all. The others are in every cube.",
+            f"Known are {', '.join(ADDED_PLANES)}; or all. The others are in every cube.",
         )
     return names
 

@@ -15,6 +15,8 @@ from tasks.publish.variables import BY_NAME, COORDINATES, DIMENSIONS, FLAGS, GRI
 if TYPE_CHECKING:
     import xarray as xr
 
+# 1-sigma of the result that a cube repeats.
+STATED = ("offset_px", "range_factor", "roll_deg", "attitude_deg")
 CONVENTIONS = "CF-1.11"
 ZSTD_LEVEL = 3
 
@@ -130,8 +132,8 @@ def global_attributes(publication: Publication) -> dict[str, Any]:
         "pose_before": p.pose_before.to_dict(),
         "pose_after": p.pose_after.to_dict(),
         "uncertainty": {
-            **{key: p.result.get("uncertainty", {}).get(key) for key in ("offset_px", "range_factor", "attitude_deg")},
-            "covariance": p.uncertainty.covariance.tolist(),
+            **{key: p.result.get("uncertainty", {}).get(key) for key in STATED},
+            **p.uncertainty.to_dict(),
         },
         "camera_model": p.camera.model_dump(mode="json", exclude_defaults=True),
         "target_model": p.target.model_dump(mode="json", exclude_defaults=True),

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Quality
 from tasks.project.planes import KNOWN_PLANES, PLANES, POINT, SUNLIT, Planes, project_planes
-from tasks.project.uncertainty import SIZES, coordinate_sigmas
+from tasks.project.uncertainty import NEEDED, coordinate_sigmas
 from tasks.publish.publication import Publication
 from tasks.publish.sensor import pixel_sizes, sampled_at_places, sensor_planes, sensor_quality
 
@@ -81,7 +81,7 @@ def _sigmas(p: Publication, planes: Planes, place_px: NDArray[np.float32]) -> ND
     is known of the pose. What is unknown of the distortion counts as 0."""
     on_body = planes.on_body
     sigmas = np.full((2, *on_body.shape), np.nan, dtype=np.float32)
-    if len(p.uncertainty.not_included) < len(SIZES):
+    if len(p.uncertainty.not_included) < len(NEEDED):
         points = np.stack([planes[name][on_body] for name in POINT])
         place = np.nan_to_num(place_px[on_body])
         found = coordinate_sigmas(p.pose_after, p.camera, p.target, p.uncertainty, points, place)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from catalog.observation import Observation
-from tasks.project.uncertainty import PoseUncertainty
+from tasks.project.uncertainty import stated_uncertainty
 from tasks.publish.names import CUBE, OVERLAY
 from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.stored import camera_of, load_arrays, load_observation, pose_in, target_of
-from tasks.summary import summary
+from tasks.summary import calibrated, summary
 from tasks.undistort.model import Identity
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
@@ -39,7 +39,8 @@ def run(work: Work) -> dict[str, Any]:
     before, after = pose_in(work.place("predicted")), pose_in(work.place("pose"))
     corrections = {name: r.result for name, r in records.items() if name.partition("-")[0] in CORRECTIONS}
     resumed = {"start": records["start"].result} if "start" in records else {}
-    corrected = summary(before, after, camera, resumed | corrections)
+    stated = calibrated(resumed | corrections)
+    corrected = summary(before, after, camera, stated)
     publication = Publication(
         product=work.inputs["product"],
         observation=load_observation(work.place("undistort")),
@@ -47,7 +48,7 @@ def run(work: Work) -> dict[str, Any]:
         target=target_of(work),
         pose_before=before,
         pose_after=after,
-        uncertainty=PoseUncertainty.from_sigmas(corrected["uncertainty"]),
+        uncertainty=stated_uncertainty(stated),
         result={**work.places["result"], **corrected, **limb_of(records["validate"])},
         settings=dict(work.inputs["profile"]),
         provenance=provenance(work, records, corrections),
@@ -90,10 +91,12 @@ def provenance(work: Work, records: dict[str, Record], corrections: dict[str, di
         "kernels": predicted["kernels"],
         "basemap": dict(work.inputs["basemap"]),
         "undistort": records["undistort"].result,
+        "profile_origin": work.inputs["profile_origin"],
         "guidance": dict(work.inputs["guidance"]),
         "start": records["start"].inputs if "start" in records else None,
         "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
         "limb": records["validate"].result["limb"],
+        "sun": records["validate"].result["sun"],
         "steps": {
             name: {"key": r.key, "code": r.code, "seconds": r.seconds, "written": r.written}
             for name, r in records.items()

@@ -13,7 +13,7 @@ from catalog.pose import Pose
 from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.limb_fit import LimbFit, fit_limb
 from tasks.compare.match import match_scene
-from tasks.correction import Correction
+from tasks.correction import FORMAL, Correction
 from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, rest_of
 from tasks.simulate import Scene
@@ -23,16 +23,20 @@ Progress = Callable[[str, int, str], None]
 
 
 class LimbRangeSettings(BaseModel):
-    """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their error. rest_px: or
-    when both go to and fro within so much, or their error, of the middle of their way, which is then taken.
-    limit: largest change of the range factor. across: sub-pixels of the simulated disk, at most; None leaves
-    them to the scene."""
+    """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their formal error.
+    rest_px: or when both go to and fro within so much, or their error, of the middle of their way, which is then taken.
+    limit: largest change of the range factor. centre_px, radius_px: errors of the centre (each coordinate) and of the
+    disk's radius by photometric law, blur and map, which the scatter of the segments does not show, 1-sigma; measured
+    on simulated images of other laws and maps (docs/method/uncertainty.md). across: sub-pixels of the simulated disk,
+    at most; None leaves them to the scene."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     stop_px: float = Field(0.02, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
     max_iterations: int = Field(12, ge=1, le=100)
     limit: float = Field(0.06, gt=0, lt=0.5)
+    centre_px: float = Field(0.09, ge=0)
+    radius_px: float = Field(0.10, ge=0)
     across: float | None = Field(None, gt=0)
     edges: LimbSettings = LimbSettings()
 
@@ -68,7 +72,7 @@ def find_range_by_limb(
                 "Check range, Sun direction and the target's radii, or raise the profile's range.limb.limit.",
             )
         if moved < max(settings.stop_px, noise_px):
-            return _correction(pose, corrected, scene, fit, history)
+            return _correction(pose, corrected, scene, fit, history, settings)
         moves = [(x, y, growth * radius) for x, y, growth in history]
         rest = rest_of(moves, max(settings.rest_px, 2 * noise_px))
         if rest is not None:
@@ -76,7 +80,7 @@ def find_range_by_limb(
             back = back.with_range_factor(1 / (1 + float(rest.back[2]) / radius))
             scatter = rest.scatter / (1, 1, radius)
             fit = replace(fit, covariance=fit.covariance + np.diag(scatter**2))
-            return _correction(pose, back, scene, fit, history)
+            return _correction(pose, back, scene, fit, history, settings)
     raise FailedError(
         "did-not-converge",
         f"range and pointing by the limb did not settle in {settings.max_iterations} iterations; "
@@ -85,11 +89,31 @@ def find_range_by_limb(
     )
 
 
-def _correction(pose: Pose, corrected: Pose, scene: Scene, fit: LimbFit, history: list[list[float]]) -> Correction:
-    camera = scene.camera
+def _correction(
+    pose: Pose,
+    corrected: Pose,
+    scene: Scene,
+    fit: LimbFit,
+    history: list[list[float]],
+    settings: LimbRangeSettings,
+) -> Correction:
+    camera, radius = scene.camera, disk_radius_px(corrected, scene.camera, scene.target)
     offset = camera.project(corrected.target_in_camera_km) - camera.project(pose.target_in_camera_km)
-    sigma = np.sqrt(np.diag(fit.covariance))
-    evidence: dict[str, Any] = {"method": "limb", "history": history, "residual_px": fit.residual_px}
+    # The range shrinks as the disk grows.
+    signs = np.array([1.0, 1.0, -1.0])
+    scale = np.hypot(camera.focal_length_sigma, (scene.target.radius_sigma_km or 0) / scene.target.mean_radius_km)
+    of_range = np.hypot(settings.radius_px / radius, scale)
+    systematic = np.diag([settings.centre_px, settings.centre_px, of_range]) ** 2
+    covariance = fit.covariance * np.outer(signs, signs) + systematic
+    sigma, formal = (np.sqrt(np.diag(matrix)) for matrix in (covariance, fit.covariance))
+    evidence: dict[str, Any] = {
+        "method": "limb",
+        "history": history,
+        "residual_px": fit.residual_px,
+        "unknowns": ["x", "y", "range"],
+        "covariance": covariance.tolist(),
+        FORMAL: {"range_factor": float(formal[2]), "offset_px": formal[:2].tolist()},
+    }
     return Correction(
         step="range",
         pose=corrected,

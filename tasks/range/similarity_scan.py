@@ -15,7 +15,7 @@ from tasks.compare.brightness import brightness_columns, fit_brightness, robust_
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.compare.similarity import SsimSettings, ssim
-from tasks.correction import Correction
+from tasks.correction import FORMAL, Correction
 from tasks.point.registration.least_squares import gauss_newton_step, moved
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
@@ -110,12 +110,15 @@ def found_range(
         "similarity_before": before.similarity,
         "similarity_after": refined.similarity,
         "curvature": curvature,
+        FORMAL: {"range_factor": radial_sigma(match_scene(observation, rough, corrected))},
     }
     return Correction(
         step="range",
         pose=corrected,
         changed={"range_factor": float(refined.factor), "offset_px": moved_px.tolist()},
-        uncertainty={"range_factor": radial_sigma(match_scene(observation, rough, corrected))},
+        # The formal one is of the pixels' scatter alone; the similarity's bias by shading and blur, which nothing in
+        # the image tells, is some 70 times larger (docs/method/range.md).
+        uncertainty={"range_factor": None},
         evidence=evidence,
     )
 

@@ -18,7 +18,7 @@ from catalog.pose import Pose
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
-from tasks.correction import Correction
+from tasks.correction import FORMAL, Correction
 from tasks.point.registration.least_squares import register_least_squares
 from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, rest_of
@@ -219,9 +219,10 @@ def verdict(pose: Pose, best: Trial, scene: Scene, settings: RollSettings, evide
         "turn_deg": 0.0 if is_camera else best.turn_deg,
         "offset_px": (evidence["reduction"] * moved_px).tolist(),
     }
-    sigma = best.sigma_deg
-    errors = {"roll_deg": sigma if is_camera else None, "turn_deg": None if is_camera else sigma}
-    return Correction("roll", best.pose, changed, errors, evidence)
+    # Of the pixels' scatter alone: what the target's attitude is off by goes into the turn.
+    formal = {"roll_deg" if is_camera else "turn_deg": best.sigma_deg}
+    nothing = {"roll_deg": None, "turn_deg": None}
+    return Correction("roll", best.pose, changed, nothing, evidence | {FORMAL: formal})
 
 
 def likeness(match: Match) -> float:

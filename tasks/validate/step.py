@@ -12,6 +12,7 @@ from tasks.simulate import Scene
 from tasks.stored import load_observation, pose_in, save_arrays, scene_of
 from tasks.validate import ValidateSettings, validate_limb
 from tasks.validate.limb import margin_px
+from tasks.validate.sun import sun_in_image
 from tasks.work import Work
 
 # Sub-pixels across the disk of the picture before: its similarity need only be right to 0.001.
@@ -19,13 +20,16 @@ ACROSS_BEFORE = 400.0
 
 
 def run(work: Work) -> dict[str, Any]:
-    """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one."""
+    """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one,
+    and where the image puts the Sun (see `sun_in_image`)."""
     observation, scene = load_observation(work.place("undistort")), scene_of(work)
     settings = ValidateSettings.model_validate(work.inputs["settings"])
     report = validate_limb(observation, pose_in(work.place("pose")), scene, settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
     before = similarity_before(observation, pose_in(work.place("predicted")), scene, settings)
-    return {"limb": plain(report.to_dict()), "similarity": {"before": before, "after": plain(report.similarity)}}
+    sun = sun_in_image(observation, pose_in(work.place("pose")), scene)
+    similarity = {"before": before, "after": plain(report.similarity)}
+    return {"limb": plain(report.to_dict()), "similarity": similarity, "sun": plain(sun.to_dict())}
 
 
 def similarity_before(observation: Observation, pose: Pose, scene: Scene, settings: ValidateSettings) -> float | None:

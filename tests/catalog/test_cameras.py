@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from catalog.camera import find_camera, known_cameras
+from catalog.camera import camera_from_dict, find_camera, known_cameras
 from catalog.errors import RefusedError
 
 PAPER_CAMERAS = ("voyager1-nac", "voyager1-wac", "voyager2-nac", "voyager2-wac", "galileo-ssi", "newhorizons-lorri")
@@ -58,3 +58,13 @@ def test_projecting_a_pixels_ray_returns_the_pixel(name: str, x: float, y: float
 def test_a_camera_that_is_not_in_the_catalog_is_refused_with_the_known_names() -> None:
     with pytest.raises(RefusedError, match=r"'kodak'.*galileo-ssi.*--camera FILE\.toml"):
         find_camera("kodak")
+
+
+def test_cameras_tell_how_well_their_focal_length_is_known() -> None:
+    for name, camera in known_cameras().items():
+        assert "focal_length_sigma" in camera.model_fields_set, name
+        assert 1e-5 <= camera.focal_length_sigma <= 1e-3, name
+    plain = {"name": "own", "size_px": [9, 9], "centre_px": [4, 4], "focal_length_px": 100}
+    assert camera_from_dict(plain, "own").focal_length_sigma == 3e-4
+    with pytest.raises(RefusedError, match="focal_length_sigma"):
+        camera_from_dict({**plain, "focal_length_sigma": -1e-4}, "own")

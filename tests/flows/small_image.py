@@ -14,7 +14,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import Window
 
 CAMERA = 'name = "small"\nsize_px = [112, 104]\ncentre_px = [55.5, 51.5]\nfocal_length_px = 20000\npsf_sigma_px = 0.8\n'
-PROFILE = "passes = 1\n[simulate]\noversample = 2\n"
+PROFILE = 'base = "defaults"\npasses = 1\n[simulate]\noversample = 2\n'
 TRUE_CENTRE_PX = (55.5, 51.5)
 PLANTED_OFFSET_PX = (5.236, 6.982)
 

@@ -31,6 +31,7 @@ from tasks.stored import load_observation
 
 RANGE_KM = 780_000.0
 JOINT = """
+base = "defaults"
 passes = 1
 steps = ["point", "joint"]
 [simulate]

@@ -18,6 +18,7 @@ from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.target import find_target
+from flows.profile import find_profile
 from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.simulate import Scene, SceneSettings
@@ -45,6 +46,14 @@ def assert_meets_the_bars(result: dict[str, Any]) -> None:
 def test_the_free_range_of_europa_by_galileo_is_the_trajectorys(europa: dict[str, Any]) -> None:
     assert europa["profile"] == "joint"
     assert_meets_the_bars(europa)
+
+
+def test_a_profile_of_one_line_gives_what_the_default_one_gives(bench: Bench, europa: dict[str, Any]) -> None:
+    own = find_profile(str(bench.write("rough-limb.toml", "[accept]\nmax_limb_rms_px = 6.0\n")))
+    result = bench.correct(bench.image("galileo/C0552809300R.IMG"), store="one-line", profile=own)
+    for key in ("status", "range_factor", "range_factor_free", "centre_px", "uncertainty"):
+        assert result[key] == europa[key], key
+    assert list(result["profile_origin"]["changes"]) == ["accept.max_limb_rms_px"]
 
 
 def test_the_free_range_of_pluto_by_lorri_is_the_trajectorys(bench: Bench) -> None:

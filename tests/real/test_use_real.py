@@ -142,14 +142,7 @@ def test_a_changed_setting_redoes_its_step_and_what_follows(
 
 def merged_with_standard(bench: Bench, setting: str) -> Any:
     """The standard profile with one setting changed by a user's file."""
-    changed = find_profile(str(bench.write("changed.toml", setting))).model_dump(exclude_unset=True, by_alias=True)
-    standard = find_profile("standard").model_dump(exclude_unset=True, by_alias=True)
-    return type(find_profile("standard")).model_validate(merged(standard, changed | {"name": "standard"}))
-
-
-def merged(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
-    nested = {key: merged(base.get(key, {}), value) for key, value in change.items() if isinstance(value, dict)}
-    return base | change | nested
+    return find_profile(str(bench.write("standard.toml", f'base = "standard"\n{setting}')))
 
 
 @pytest.fixture(scope="module")

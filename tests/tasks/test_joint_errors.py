@@ -96,3 +96,26 @@ def test_scales_convert_states_and_displacements() -> None:
     variance = np.diag(scale.covariance_up(np.eye(PSF + 1)))
     assert variance[OFFSET] == pytest.approx([4.0, 4.0])
     assert variance[RANGE] == 1.0
+
+
+@pytest.mark.parametrize("prior", ["file", "spice"])
+def test_the_focal_length_s_error_is_in_the_free_range_before_it_is_weighed_with_the_trajectory_s(prior: str) -> None:
+    camera = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
+    doubtful = camera.model_copy(update={"focal_length_sigma": 2e-3})
+    truth = true_pose(camera)
+    seen = observation_of(scene_of(camera), truth)
+    claimed = truth.with_range_factor(1.0005)
+    exact, unsure = (find_pose_jointly(seen, truth, claimed, prior, scene_of(c), ONCE) for c in (camera, doubtful))
+    free = [found.uncertainty["range_factor_free"] for found in (exact, unsure)]
+    assert np.sqrt(free[1] ** 2 - free[0] ** 2) == pytest.approx(2e-3, rel=1e-6)
+    sigma = getattr(ONCE.priors, prior).range_relative
+    for found, own in zip((exact, unsure), free, strict=True):
+        assert found.uncertainty["range_factor"] == pytest.approx((own**-2 + sigma**-2) ** -0.5, rel=1e-6)
+    # The less the image says, the nearer the product is to the claimed range.
+    away = [abs(found.pose.range_km / claimed.range_km - 1) for found in (exact, unsure)]
+    assert away[1] < away[0]
+    held = find_pose_jointly(
+        seen, truth, claimed, prior, scene_of(doubtful), ONCE.model_copy(update={"hold": ("range",)})
+    )
+    assert held.uncertainty["range_factor"] is None
+    assert not np.array(held.evidence["covariance"])[RANGE].any()

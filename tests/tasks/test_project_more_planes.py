@@ -11,7 +11,7 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target, find_target
-from tasks.project.more_planes import MORE_PLANES, more_planes, planes_named
+from tasks.project.more_planes import ADDED_PLANES, MORE_PLANES, more_planes, planes_named
 from tasks.project.pixels import project_pixels, seen_at
 from tasks.project.points import pixels_of_points
 
@@ -126,7 +126,7 @@ def test_sky_directions_are_the_cameras_everywhere():
 
 
 def test_names_of_planes_are_checked():
-    assert planes_named("all") == tuple(MORE_PLANES)
+    assert planes_named("all") == tuple(ADDED_PLANES)
     assert planes_named("shadow, declination") == ("shadow", "declination")
     with pytest.raises(RefusedError, match=r"no plane .colour.*Known are latitude_graphic"):
         planes_named("shadow,colour")

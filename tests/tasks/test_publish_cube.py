@@ -127,7 +127,7 @@ def test_provenance_is_complete_and_readable(publication, cube):
     assert json.loads(cube.attrs["settings"]) == {"profile": "standard"}
     uncertainty = json.loads(cube.attrs["uncertainty"])
     assert uncertainty["range_factor"] == 3e-4
-    assert np.shape(uncertainty["covariance"]) == (6, 6)
+    assert np.shape(uncertainty["covariance"]) == (7, 7)
     assert Camera.model_validate(json.loads(cube.attrs["camera_model"])) == CAMERA
     assert cube.attrs["utc"].endswith("Z")
     assert cube.attrs["source"].startswith("planetpose ")
