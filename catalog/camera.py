@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.regular_file import read_regular_text
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
@@ -131,7 +132,7 @@ def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
 def read_camera_file(path: Path) -> Camera:
     """Camera of a TOML file. Raises RefusedError when the file cannot be read or lacks something."""
     try:
-        content = tomllib.loads(Path(path).read_text())
+        content = tomllib.loads(read_regular_text(Path(path)))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RefusedError(
             "camera-file-unreadable",

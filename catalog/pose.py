@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
+from catalog.regular_file import read_regular_text
 from catalog.rotation import checked_rotation
 from catalog.times import et_from_utc, utc_from_et
 
@@ -191,7 +192,7 @@ def read_pose_file(path: Path) -> PartialPose:
     """Read a pose file (JSON). Raises RefusedError naming the file, the fault and the remedy."""
     remedy = "See the README's section on pose files for the keys and their shapes."
     try:
-        content = json.loads(Path(path).read_text())
+        content = json.loads(read_regular_text(Path(path)))
         partial = PartialPose.from_dict(content)
         _check_times_agree(content)
         return partial

@@ -12,6 +12,7 @@ from typing import Any
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.regular_file import MAX_TEXT_BYTES, check_regular, open_regular
 
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
@@ -31,8 +32,11 @@ class Kernel:
 
     @property
     def sha256(self) -> str:
-        """Hex digest of the file's content."""
-        return sha256_of_file(self.path)
+        """Hex digest of the file's content. Raises RefusedError when it cannot be read."""
+        try:
+            return sha256_of_file(self.path)
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
 
     def provenance(self) -> dict[str, str]:
         """Name and content hash, for the product."""
@@ -48,18 +52,32 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     """Kernels to furnish, in order: by type (lsk, pck, fk, ik, sclk, spk, ck), within a type as given, folders searched
     recursively by sorted name for known suffixes, meta-kernels last. SPICE prefers what comes later.
 
-    Raises RefusedError naming a path that does not exist.
+    Raises RefusedError naming a path that does not exist, or is no file.
     """
     kernels: list[Kernel] = []
     for path in map(Path, paths):
         if path.is_dir():
             found = sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
             kernels += [Kernel(p, kernel_kind(p)) for p in found]
-        elif path.is_file():
-            kernels.append(Kernel(path, kernel_kind(path)))
         else:
-            raise RefusedError("kernel-missing", f"kernel {path} does not exist.", "Give a kernel file or a folder.")
+            kernels.append(_of_file(path))
     return sorted(kernels, key=lambda kernel: KIND_ORDER.index(kernel.kind))
+
+
+def _of_file(path: Path) -> Kernel:
+    try:
+        check_regular(path)
+    except FileNotFoundError as error:
+        remedy = "Give a kernel file or a folder."
+        raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return Kernel(path, kernel_kind(path))
+
+
+def _unreadable(path: Path, error: OSError) -> RefusedError:
+    fault = f"kernel {path} cannot be read: {error.strerror}."
+    return RefusedError("kernel-unreadable", fault, "Give a file of the SPICE formats that may be read.")
 
 
 def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
@@ -69,14 +87,14 @@ def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
         if path.is_dir() and not list_kernels([path]):
             fault = f"the folder {path} holds no kernel ({', '.join((*KIND_OF_SUFFIX, '.tm'))})."
             raise RefusedError("kernel-missing", fault, "Give a folder that does, or kernel files.")
-        if path.is_file() and kernel_kind(path) == "other" and not _looks_like_a_kernel(path):
+        if not path.is_dir() and kernel_kind(_of_file(path).path) == "other" and not _looks_like_a_kernel(path):
             fault = f"kernel {path} is neither a binary SPICE file nor a text with \\begindata."
             raise RefusedError("kernel-unreadable", fault, "Give kernels of the SPICE formats.")
 
 
 def _looks_like_a_kernel(path: Path) -> bool:
-    head = path.read_bytes()
-    return head.startswith((b"DAF/", b"DAS/", b"NAIF/")) or b"\\begindata" in head
+    head = _head(path, len(b"NAIF/"))
+    return head.startswith((b"DAF/", b"DAS/", b"NAIF/")) or b"\\begindata" in _head(path, MAX_TEXT_BYTES)
 
 
 @contextmanager
@@ -114,15 +132,15 @@ def _pool_is_empty() -> bool:
         return True
 
 
-def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
-        return file.read(3)
+def _head(path: Path, count: int) -> bytes:
+    with open_regular(path) as file:
+        return file.read(count)
 
 
 def _furnish(kernel: Kernel) -> None:
     import spiceypy
 
-    if kernel.path.suffix.lower() in BINARY_SUFFIXES and _head(kernel.path) not in (b"DAF", b"NAI"):
+    if kernel.path.suffix.lower() in BINARY_SUFFIXES and _head(kernel.path, 3) not in (b"DAF", b"NAI"):
         raise RefusedError(  # SPICE would take it for an empty text kernel
             "kernel-unreadable",
             f"kernel {kernel.path} is no binary SPICE file.",

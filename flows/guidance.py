@@ -4,7 +4,9 @@ import json
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.plain_text import shown_path
 from catalog.pose import PartialPose
+from catalog.regular_file import read_regular_text
 from flows.request import Request
 
 RESULT = "result.json"
@@ -16,8 +18,8 @@ def guidance_of(request: Request) -> dict[str, Any]:
     return {
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
-        "mask": str(request.mask) if request.mask else None,
-        "resumed_from": str(request.resume) if request.resume else None,
+        "mask": shown_path(request.mask) if request.mask else None,
+        "resumed_from": shown_path(request.resume) if request.resume else None,
     }
 
 
@@ -43,7 +45,7 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
         candidates = (path / RESULT, path / name / RESULT, path / f"{name}.pose.json")
         path = next((candidate for candidate in candidates if candidate.is_file()), path / RESULT)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = json.loads(read_regular_text(path))
         pose = content.get("pose", content) if isinstance(content, dict) else None
         if not isinstance(pose, dict):
             raise ValueError("it holds no corrected pose")

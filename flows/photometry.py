@@ -2,6 +2,7 @@
 figure."""
 
 import csv
+import io
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.regular_file import read_regular_text
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight, limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
@@ -73,8 +75,7 @@ def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
     limits are those of `limits`. Raises RefusedError when the file has no such rows."""
     remedy = f"Give a CSV file with the columns {', '.join(REGION_COLUMNS)}."
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_regular_text(path), newline="")))
         found = [
             (
                 row["region"],

@@ -9,6 +9,8 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.plain_text import shown_path
+from catalog.regular_file import read_regular_text
 from tasks.attitude import AttitudeSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
@@ -146,8 +148,8 @@ def find_profile(name_or_file: str) -> Profile:
 def read_profile(path: Path) -> Profile:
     """Profile of a TOML file; its name is the file's unless it gives one. Raises RefusedError for each bad setting."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-        return Profile.model_validate({"name": path.stem, **content})
+        content = tomllib.loads(read_regular_text(path))
+        return Profile.model_validate({"name": shown_path(path.stem), **content})
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise RefusedError(
             "profile-unreadable",

@@ -5,6 +5,7 @@ from errno import EROFS
 from typing import Any
 
 from catalog.errors import PlanetposeError
+from catalog.plain_text import printable, shown_path
 from flows.chain import Chain
 from flows.guidance import guidance_of, overruled_of
 from flows.settling import settling
@@ -13,6 +14,7 @@ from tasks.atomic import without_temporaries
 
 EMPTY: dict[str, Any] = {
     "product": None,
+    "image": None,
     "status": None,
     "reason": None,
     "camera": None,
@@ -52,8 +54,13 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
-    result = EMPTY | {"product": chain.request.product, "profile": chain.request.profile.name}
-    result["guidance"] = guidance_of(chain.request) | overruled_of(chain.result("ingest"))
+    request = chain.request
+    result = EMPTY | {
+        "product": request.product,
+        "image": shown_path(request.image),
+        "profile": request.profile.name,
+    }
+    result["guidance"] = guidance_of(request) | overruled_of(chain.result("ingest"))
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
@@ -69,14 +76,17 @@ def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
         return {"status": error.status, "reason": error.reason}
     if isinstance(error, OSError):
         return {"status": "failed", "reason": file_trouble(error)}
-    return {"status": "failed", "reason": f"bug: {type(error).__name__}: {error}. Please report it with the log."}
+    return {
+        "status": "failed",
+        "reason": f"bug: {type(error).__name__}: {printable(str(error))}. Please report it with the log.",
+    }
 
 
 def file_trouble(error: OSError) -> str:
     """Reason of a file that could not be read or written."""
     forbidden = isinstance(error, PermissionError) or error.errno == EROFS
     remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
-    return f"file-trouble: {without_temporaries(str(error))}. {remedy}."
+    return f"file-trouble: {printable(without_temporaries(str(error)))}. {remedy}."
 
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:

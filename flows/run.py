@@ -4,9 +4,8 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from catalog.errors import RefusedError
 from flows.chain import Chain, only_cached
-from flows.plan import answer_from_cache, twins
+from flows.plan import answer_from_cache, product_twice, twins
 from flows.prefect_settings import prepare, server_is_lost
 from flows.progress import Reporter
 from flows.request import Request
@@ -69,8 +68,7 @@ def run_requests(requests: list[Request], server: str, workers: int, reporter: R
 
 def refuse_twin(request: Request, fault: str) -> Result:
     """The result of an image that would overwrite another one of the same command."""
-    error = RefusedError("product-twice", f"{fault}.", "Use another --store for one of them.")
-    return result_of(Chain(request, only_cached), error)
+    return result_of(Chain(request, only_cached), product_twice(fault))
 
 
 def orchestration_failed(request: Request, error: Exception) -> Result:

@@ -16,7 +16,7 @@ from catalog.errors import PlanetposeError
 from catalog.settings import PROJECT_ROOT
 from flows.guidance import guidance_of, pose_to_resume
 from flows.profile import CORRECTIONS, Profile
-from flows.request import Request, camera_inputs, digest_of, kernel_inputs, target_names_digest
+from flows.request import Request, camera_inputs, digest_of, kernel_inputs, kernels_offered, target_names_digest
 from tasks.code_version import code_version
 
 Fingerprint = dict[str, Any]
@@ -69,7 +69,7 @@ def told(find: Any) -> Any:
 @cache
 def kernels_of(paths: tuple[Path, ...]) -> list[list[str]]:
     """Name and digest of every kernel, looked up once per process: all images of a list share a few sets of them."""
-    return kernel_inputs(list(paths))
+    return kernel_inputs(kernels_offered(list(paths)))
 
 
 @cache

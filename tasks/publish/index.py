@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
+from catalog.safe_name import INDEX
 from tasks.atomic import file_put_in_place, locked
 from tasks.publish.cube import open_cube
 from tasks.publish.index_rows import COLUMNS, NAMES, UNREADABLE, row_of, stamp_of
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-INDEX = "index.parquet"
 LOCK = ".index.lock"
 
 
