@@ -40,3 +40,4 @@ def report(
         for name, why in written.missing.items():
             print(f"{name}: not drawn: {why}", file=sys.stderr)
         print(written.page, file=answer)
+    sys.exit(1 if written.missing else 0)

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalog.errors import PlanetposeError
 from catalog.times import now_utc
+from flows.boundary import attempted, reason_of
 from flows.report.page import image_page, index_page
 from flows.report.product import ImageEntry, image_entry
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE
 
@@ -43,9 +45,7 @@ def write_report(
     missing: dict[str, str] = {}
     for row in index.to_dict("records"):
         tell(str(row["product"]))
-        entry = image_entry(Path(store) / row["product"], row)
-        if row["status"] != UNREADABLE:
-            _draw(entry, Path(store), out / PICTURES, kinds)
+        entry = _entry(Path(store) / row["product"], row, out / PICTURES, kinds)
         missing |= {f"{entry.product} {kind}": why for kind, why in entry.missing.items()}
         entries.append(entry)
     head = {"written": now_utc(), "store": Path(store).resolve().name}
@@ -59,22 +59,42 @@ def write_report(
     return Report(out / INDEX_PAGE, len(entries), missing)
 
 
+def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[str]) -> ImageEntry:
+    """What is told of one image, its pictures drawn; of a product that is broken, why."""
+
+    def told() -> ImageEntry:
+        refuse_what_is_elsewhere(folder)
+        entry = image_entry(folder, row)
+        if row["status"] != UNREADABLE:
+            _draw(entry, folder.parent, pictures, kinds)
+        else:
+            entry.missing["product"] = entry.reason
+        return entry
+
+    entry, error = attempted(told, folder.name)
+    if error is None:
+        return entry
+    broken = ImageEntry(folder.name, row | {"status": UNREADABLE, "reason": reason_of(error)})
+    broken.missing["product"] = reason_of(error)
+    return broken
+
+
 def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) -> None:
     """Draw an image's pictures; what cannot be drawn is noted in the entry."""
     from tasks.pictures.thumbnail import write_thumbnail
 
     folder, product = store / entry.product, entry.product
-    try:
-        entry.thumbnail = write_thumbnail(folder, pictures / f"{product}-small.png").name
-    except (PlanetposeError, OSError, ValueError) as error:
-        entry.missing["thumbnail"] = str(error)
+    thumbnail, error = attempted(lambda: write_thumbnail(folder, pictures / f"{product}-small.png"), product)
+    if error is None:
+        entry.thumbnail = thumbnail.name
+    else:
+        entry.missing["thumbnail"] = reason_of(error)
     for kind in kinds:
-        try:
-            entry.pictures += [(path.name, *_told(kind, path.stem)) for path in _drawn(kind, folder, pictures, product)]
-        except PlanetposeError as error:
-            entry.missing[kind] = error.reason
-        except (OSError, KeyError, ValueError) as error:  # a damaged product must not spoil the report of the others
-            entry.missing[kind] = f"{type(error).__name__}: {error}"
+        drawn, error = attempted(partial(_drawn, kind, folder, pictures, product), product)
+        if error is None:
+            entry.pictures += [(path.name, *_told(kind, path.stem)) for path in drawn]
+        else:
+            entry.missing[kind] = reason_of(error)
 
 
 def _drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:

@@ -17,6 +17,7 @@ from catalog.settings import PROJECT_ROOT
 from flows.guidance import guidance_of, pose_to_resume
 from flows.profile import CORRECTIONS, Profile
 from flows.request import Request, camera_inputs, digest_of, kernel_inputs, kernels_offered, target_names_digest
+from flows.result import file_trouble
 from tasks.code_version import code_version
 
 Fingerprint = dict[str, Any]
@@ -36,7 +37,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
     which the image's own steps will tell."""
     return {
         "image": content(request.image, "image"),
-        "label": content(label_beside(request.image), "label"),
+        "label": told(lambda: content(label_beside(request.image), "label")),
         "camera": told(lambda: sha256_of_json(camera_inputs(request))),
         "target": request.target,
         "pose file": content(request.pose_file, "pose file"),
@@ -64,6 +65,8 @@ def told(find: Any) -> Any:
         return find()
     except PlanetposeError as error:
         return f"fault: {error.reason}"
+    except OSError as error:
+        return f"fault: {file_trouble(error)}"
 
 
 @cache

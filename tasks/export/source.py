@@ -13,6 +13,7 @@ from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.cube import open_cube
 from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE
@@ -66,6 +67,7 @@ def read_source(folder: Path) -> Source:
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
+    refuse_what_is_elsewhere(folder)
     try:
         with open_cube(folder / CUBE) as lazy:
             cube = lazy.load()

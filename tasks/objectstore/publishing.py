@@ -12,6 +12,7 @@ from pathlib import Path
 from catalog.errors import FailedError
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.publish.checksums import CHECKSUMS
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.names import CUBE
 from tasks.publish.origin import Origin
 from tasks.record import RECORD_FILE
@@ -60,6 +61,7 @@ def _record_of(store: ObjectStore, product: str) -> bytes | None:
 def publish_product(folder: Path, store: ObjectStore) -> Copied:
     """Copy the product in `folder`, replacing an older one of its name. Raises FailedError when the storage cannot be
     reached, or has not what was written."""
+    refuse_what_is_elsewhere(folder)
     place = store.path(folder.name)
     sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
     with reaching(store):

@@ -10,6 +10,7 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
 from tasks.publish.checksums import refresh_checksum, write_checksums
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.cube import cube_dataset, open_cube, write_cube
 from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.publish.overlay import draw_overlay
@@ -49,6 +50,7 @@ def redraw_overlay(folder: Path) -> Path:
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise no_cube_in(folder)
+    refuse_what_is_elsewhere(folder)
     with open_cube(folder / CUBE) as cube:
         attributes = {key: _loaded(value) for key, value in cube.attrs.items()}
         image = cube["resampled_image" if "resampled_image" in cube else "image"].values
