@@ -1,18 +1,22 @@
 """Adjust: what the images of a store share, solved together from their joint results."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from catalog.camera import camera_from_dict
-from catalog.errors import PlanetposeError, RefusedError
+from catalog.errors import RefusedError
+from catalog.plain_text import printable
 from catalog.pose import Pose, write_pose_file
 from catalog.target import Target
+from flows.boundary import attempted, reason_of
 from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.measurement import Measurement, measurement_of
 from tasks.adjust.report import adjusted_poses, report_of
 from tasks.atomic import file_put_in_place
 from tasks.publish.check import products_in
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.cube import open_cube
 from tasks.publish.names import CUBE
 
@@ -26,10 +30,11 @@ def adjust_store(store: Path, settings: AdjustSettings, out: Path | None = None)
     images: list[Measurement] = []
     left_out: list[dict[str, str]] = []
     for folder in products_in(store):
-        try:
-            images.append(measurement_in(folder))
-        except PlanetposeError as error:
-            left_out.append({"product": folder.name, "reason": error.reason})
+        measured, error = attempted(partial(measurement_in, folder), folder.name)
+        if error is None:
+            images.append(measured)
+        else:
+            left_out.append({"product": printable(folder.name), "reason": reason_of(error)})
     if not images:
         raise RefusedError(
             "nothing-to-adjust",
@@ -47,6 +52,7 @@ def measurement_in(folder: Path) -> Measurement:
     """The joint result of a product's folder. Raises RefusedError when there is none."""
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a store of `planetpose correct`.")
+    refuse_what_is_elsewhere(folder)
     with open_cube(folder / CUBE) as cube:
         attributes = {
             key: json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.plain_text import printable
 from catalog.regular_file import read_regular_text
+from flows.boundary import attempted, reason_of
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight, limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
 from tasks.photometry.laws import PhotometricLaw, find_law
-from tasks.photometry.region import RegionPixels, region_pixels, usable_products
+from tasks.photometry.region import OneImage, RegionPixels, region_pixels, usable_products
 
 JSON_FILE, PARAMETERS, IMAGES = "photometry.json", "parameters.csv", "images.csv"
 WHOLE = "region"
@@ -37,7 +39,8 @@ class PhotometrySettings:
 
 @dataclass(frozen=True)
 class RegionResult:
-    """One region: its pixels, the fit and L of each image, or the reason why there is none."""
+    """One region: its pixels, the fit and L of each image, or the reason why there is none. left_out: products that
+    could not be read, and why."""
 
     name: str
     selection: Selection
@@ -45,6 +48,7 @@ class RegionResult:
     fit: PhotometricFit | None = None
     each: tuple[ImageLimbWeight, ...] = ()
     reason: str | None = None
+    left_out: tuple[tuple[str, str], ...] = ()
 
 
 def fit_store(
@@ -62,12 +66,21 @@ def fit_store(
 def _fit_region(
     name: str, selection: Selection, law: PhotometricLaw, folders: Sequence[Path], settings: PhotometrySettings
 ) -> RegionResult:
+    left_out: list[tuple[str, str]] = []
+
+    def attempt(folder: Path, gather: Callable[[], OneImage | None]) -> OneImage | None:
+        gathered, error = attempted(gather, folder.name)
+        if error is not None:
+            left_out.append((printable(folder.name), reason_of(error)))
+        return gathered
+
     try:
-        pixels = region_pixels(folders, selection, settings.max_pixels_per_image, settings.albedo_map)
+        pixels = region_pixels(folders, selection, settings.max_pixels_per_image, settings.albedo_map, attempt=attempt)
         fit = fit_law(law, pixels, settings.fit)
-        return RegionResult(name, selection, pixels, fit, tuple(limb_weights(pixels)))
+        return RegionResult(name, selection, pixels, fit, tuple(limb_weights(pixels)), left_out=tuple(left_out))
     except PlanetposeError as error:
-        return RegionResult(name, selection, reason=error.reason)
+        reason = left_out[0][1] if len(left_out) == len(folders) else error.reason
+        return RegionResult(name, selection, reason=reason, left_out=tuple(left_out))
 
 
 def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
@@ -106,6 +119,7 @@ def in_json(result: RegionResult, law: str) -> dict[str, Any]:
         "longitude_deg": list(chosen.longitude_deg),
         "max_incidence_deg": chosen.max_incidence_deg,
         "max_emission_deg": chosen.max_emission_deg,
+        "left_out": [{"product": product, "reason": reason} for product, reason in result.left_out],
     }
     fit, pixels = result.fit, result.pixels
     if fit is None or pixels is None:

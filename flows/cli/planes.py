@@ -20,7 +20,12 @@ def planes(
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
 ) -> None:
     """Add planes that cubes do not hold, in planes.zarr beside the cube: azimuths, local time, sky, limb distance."""
+    import sys
+    from functools import partial
+
     from catalog.errors import RefusedError
+    from catalog.plain_text import printable
+    from flows.boundary import attempted, reason_of
     from flows.cli.output import clean_stdout, write_json
     from tasks.project.more_planes import MORE_PLANES, planes_named
     from tasks.publish.check import products_in
@@ -36,10 +41,16 @@ def planes(
         names = planes_named(add)
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--add") from error
+    broken = 0
     with clean_stdout() as answer:
         for folder in [product for path in paths or () for product in products_in(path)]:
-            written = write_extra_planes(folder, names)
+            written, error = attempted(partial(write_extra_planes, folder, names), folder.name)
+            product, reason = printable(folder.name), reason_of(error) if error else None
+            broken += reason is not None
             if json:
-                write_json(answer, {"product": folder.name, "planes": list(names), "path": str(written)})
+                path = None if reason else str(written)
+                told = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
+                write_json(answer, told)
             else:
-                print(written, file=answer, flush=True)
+                print(f"{product}: {reason}" if reason else written, file=answer, flush=True)
+    sys.exit(1 if broken else 0)

@@ -17,6 +17,7 @@ from catalog.times import now_utc
 from tasks.atomic import file_put_in_place, folder_put_in_place
 from tasks.project.more_planes import MORE_PLANES, more_planes
 from tasks.publish.checksums import CHECKSUMS, read_checksums
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.cube import CONVENTIONS, compressor, open_cube, software_version, write_group
 from tasks.publish.names import CUBE
 from tasks.publish.publication import SENSOR
@@ -45,6 +46,7 @@ def write_extra_planes(folder: Path, planes: Sequence[str] = tuple(MORE_PLANES))
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
+    refuse_what_is_elsewhere(folder)
     with open_cube(folder / CUBE) as cube:
         dataset = extra_dataset(cube, planes)
     encoding: dict[str, dict[str, Any]] = {
