@@ -133,7 +133,7 @@ def read_camera_file(path: Path) -> Camera:
     """Camera of a TOML file. Raises RefusedError when the file cannot be read or lacks something."""
     try:
         content = tomllib.loads(read_regular_text(Path(path)))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise RefusedError(
             "camera-file-unreadable",
             f"camera file {path} cannot be read: {error}.",

@@ -198,7 +198,7 @@ def read_pose_file(path: Path) -> PartialPose:
         return partial
     except (OSError, UnicodeDecodeError) as error:
         raise RefusedError("pose-file-unreadable", f"pose file {path} cannot be read ({error}).", remedy) from error
-    except (json.JSONDecodeError, ValueError) as error:
+    except (ValueError, RecursionError) as error:
         raise RefusedError("pose-file-invalid", f"pose file {path}: {error}.", remedy) from error
 
 

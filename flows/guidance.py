@@ -52,5 +52,5 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
         return PartialPose.from_dict(pose).completed().to_dict()
     except OSError as error:
         raise RefusedError("resume-unreadable", f"{path} cannot be read ({error}).", REMEDY) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RefusedError("resume-invalid", f"{path}: {error}.", REMEDY) from error

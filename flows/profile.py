@@ -150,7 +150,7 @@ def read_profile(path: Path) -> Profile:
     try:
         content = tomllib.loads(read_regular_text(path))
         return Profile.model_validate({"name": shown_path(path.stem), **content})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise RefusedError(
             "profile-unreadable",
             f"profile {path} cannot be read: {error}.",
