@@ -9,15 +9,13 @@ from flows.fuzz.batch import Ground, run_batch
 
 
 def main(folder: str, memory_bytes: int) -> None:
-    """Prepare the ground where nobody has, and answer until stdin ends; what libraries print goes to stderr."""
+    """Answer until stdin ends; `folder` is a prepared ground. What libraries print goes to stderr."""
     import resource
 
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     ground = Ground(Path(folder))
-    if not ground.archive.exists():
-        ground.prepare()
     print(json.dumps({"ready": True}), file=answers, flush=True)
     for line in sys.stdin:
         number, seed = json.loads(line)

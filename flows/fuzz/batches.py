@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flows.fuzz.batch import spoil_of
+from flows.fuzz.batch import Ground, spoil_of
 from flows.fuzz.reader_process import ReaderProcess
 
 MEMORY_BYTES = 12_000_000_000  # of addresses; the renderer alone reserves some
@@ -50,7 +50,9 @@ def spoil_batches(numbers: Iterable[int], seed: int, tell: Callable[[int], None]
     """Run the batches of these numbers, in a process that is replaced when it hangs or dies."""
     found = Spoiled()
     with tempfile.TemporaryDirectory() as folder:
-        command = (sys.executable, "-m", "flows.fuzz.batch_child", str(Path(folder) / "ground"))
+        ground = Ground(Path(folder))
+        ground.prepare()
+        command = (sys.executable, "-m", "flows.fuzz.batch_child", str(ground.folder))
         with ReaderProcess(TIMEOUT_S, MEMORY_BYTES, command) as child:
             for number in numbers:
                 found.note(number, child.put([number, seed]))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 READER = (sys.executable, "-m", "flows.fuzz.child")
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 300.0  # of a busy machine
 SINGLE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 
 

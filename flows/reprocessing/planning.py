@@ -41,7 +41,7 @@ def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint,
     same = last is not None and last.status in PUBLISHED and last.fingerprint.get("image") == fingerprint["image"]
     taken = None if same else taken_by_another(request, fingerprint)
     if last is None and taken is None:
-        return "missing" if is_missing(fingerprint) else "new"
+        return "missing" if is_missing(fingerprint) else new_in_words(fingerprint)
     if last is None or (taken is not None and last.code != OTHER_IMAGE):
         return f"its name is taken: {taken}"
     if taken is None and last.code == OTHER_IMAGE:
@@ -68,6 +68,12 @@ def taken_by_another(request: Request, fingerprint: Fingerprint) -> str | None:
     except RefusedError as error:
         return None if str(fingerprint["image"]).startswith("fault: ") else error.fault
     return None
+
+
+def new_in_words(fingerprint: Fingerprint) -> str:
+    """`new`, and what its own steps will tell of the image's file."""
+    image = str(fingerprint["image"])
+    return f"new, and will be refused: {image.removeprefix('fault: ')}" if image.startswith("fault: ") else "new"
 
 
 def is_missing(fingerprint: Fingerprint) -> bool:
