@@ -16,7 +16,7 @@ from tasks.adjust.measurement import Measurement, measurement_of
 from tasks.adjust.report import adjusted_poses, report_of
 from tasks.atomic import file_put_in_place
 from tasks.publish.check import products_in
-from tasks.publish.contained import refuse_what_is_elsewhere
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.names import CUBE
 
@@ -52,20 +52,20 @@ def measurement_in(folder: Path) -> Measurement:
     """The joint result of a product's folder. Raises RefusedError when there is none."""
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a store of `planetpose correct`.")
-    refuse_what_is_elsewhere(folder)
-    with open_cube(folder / CUBE) as cube:
-        attributes = {
-            key: json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value
-            for key, value in cube.attrs.items()
-        }
-    return measurement_of(
-        str(attributes["product"]),
-        camera_from_dict(attributes["camera_model"], f"of the cube in {folder}"),
-        Target.model_validate(attributes["target_model"]),
-        Pose.from_dict(attributes["pose_before"]),
-        attributes["settings"],
-        attributes["provenance"],
-    )
+    with reading_product(folder):
+        with open_cube(folder / CUBE) as cube:
+            attributes = {
+                key: json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value
+                for key, value in cube.attrs.items()
+            }
+        return measurement_of(
+            str(attributes["product"]),
+            camera_from_dict(attributes["camera_model"], f"of the cube in {folder}"),
+            Target.model_validate(attributes["target_model"]),
+            Pose.from_dict(attributes["pose_before"]),
+            attributes["settings"],
+            attributes["provenance"],
+        )
 
 
 def write_adjustment(out: Path, images: list[Measurement], poses: list[Pose], report: dict[str, Any]) -> None:

@@ -17,7 +17,7 @@ from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight, limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
 from tasks.photometry.laws import PhotometricLaw, find_law
-from tasks.photometry.region import OneImage, RegionPixels, region_pixels, usable_products
+from tasks.photometry.region import OneImage, RegionPixels, region_pixels, unreadable_products, usable_products
 
 JSON_FILE, PARAMETERS, IMAGES = "photometry.json", "parameters.csv", "images.csv"
 WHOLE = "region"
@@ -57,10 +57,11 @@ def fit_store(
     """Fit every region (default: the settings' selection) over all usable images of `store`; a region that cannot be
     fitted says why and stops no other. Raises RefusedError for an unknown law, or a store without usable images."""
     law = find_law(settings.law)
-    folders = usable_products(store, settings.doubtful)
-    return [
+    folders, broken = usable_products(store, settings.doubtful), unreadable_products(store)
+    fitted = [
         _fit_region(name, chosen, law, folders, settings) for name, chosen in regions or [(WHOLE, settings.selection)]
     ]
+    return [replace(result, left_out=(*broken, *result.left_out)) for result in fitted]
 
 
 def _fit_region(

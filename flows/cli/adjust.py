@@ -32,4 +32,5 @@ def adjust(
             write_json(answer, report)
         else:
             print(adjustment_table(report), file=answer)
-    sys.exit(1 if any(not each["reason"].startswith(NOT_JOINT) for each in report["left_out"]) else 0)
+    if any(not each["reason"].startswith(NOT_JOINT) for each in report["left_out"]):
+        sys.exit(1)

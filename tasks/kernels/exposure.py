@@ -15,7 +15,7 @@ from catalog.pose import Pose
 from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.sight import LIGHT_KM_PER_S
-from tasks.publish.contained import refuse_what_is_elsewhere
+from tasks.publish.contained import DAMAGE, refuse_what_is_elsewhere
 from tasks.publish.names import CUBE
 
 GROUP = f"{CUBE}/zarr.json"
@@ -86,7 +86,7 @@ def read_exposure(folder: Path) -> Exposure:
         target = Target.model_validate(json.loads(attributes["target_model"]))
         target = target.model_copy(update={"shape": None})  # kernels hold radii; a shape model is a DSK of its own
         pose = Pose.from_dict(nested["pose_after"])
-    except (OSError, KeyError, ValueError) as error:
+    except DAMAGE as error:
         raise RefusedError(
             "product-unreadable",
             f"{path} is not the metadata of a cube ({type(error).__name__}: {error}).",

@@ -17,6 +17,7 @@ from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
+from tasks.publish.index_rows import UNREADABLE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,6 +48,17 @@ class RegionPixels:
     def mean_phase_deg(self, image: int) -> float:
         """Mean phase of one image's pixels."""
         return float(self.phase_deg[self.image == image].mean())
+
+
+def unreadable_products(store: Path) -> tuple[tuple[str, str], ...]:
+    """Products of a store that its index could not read, and why."""
+    from tasks.publish.names import CUBE
+
+    if (Path(store) / CUBE).is_dir():
+        return ()
+    index = open_index(Path(store))
+    broken = index[index["status"] == UNREADABLE]
+    return tuple(zip(broken["product"], broken["reason"], strict=True))
 
 
 @dataclass(frozen=True)

@@ -23,9 +23,8 @@ from catalog.target import Target
 from tasks.project.pixels import project_pixels
 from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
-from tasks.publish.contained import faults_of_place
+from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
-from tasks.publish.index_rows import DAMAGE
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 from tasks.publish.variables import cube_faults
 from tasks.record import RECORD_FILE, record_in

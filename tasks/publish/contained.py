@@ -7,15 +7,33 @@ a report or an export. Links that stay within the store, as git-annex makes them
 import os
 import stat
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
 
+DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
+
 
 def refuse_what_is_elsewhere(folder: Path) -> None:
     """Raises RefusedError naming the first of `faults_of_place` in a product's folder."""
     _refuse(faults_of_place(folder))
+
+
+@contextmanager
+def reading_product(folder: Path) -> Iterator[None]:
+    """What the `with` block reads is of the product in `folder`: RefusedError as `refuse_what_is_elsewhere`, and in
+    place of whatever damage makes libraries raise."""
+    refuse_what_is_elsewhere(folder)
+    try:
+        yield
+    except DAMAGE as error:
+        raise RefusedError(
+            "cube-unreadable",
+            f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
+            "`planetpose check` says what is wrong with it; publish it again.",
+        ) from error
 
 
 def refuse_cube_elsewhere(cube: Path) -> None:

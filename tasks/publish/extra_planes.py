@@ -17,7 +17,7 @@ from catalog.times import now_utc
 from tasks.atomic import file_put_in_place, folder_put_in_place
 from tasks.project.more_planes import MORE_PLANES, more_planes
 from tasks.publish.checksums import CHECKSUMS, read_checksums
-from tasks.publish.contained import refuse_what_is_elsewhere
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import CONVENTIONS, compressor, open_cube, software_version, write_group
 from tasks.publish.names import CUBE
 from tasks.publish.publication import SENSOR
@@ -46,8 +46,7 @@ def write_extra_planes(folder: Path, planes: Sequence[str] = tuple(MORE_PLANES))
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
-    refuse_what_is_elsewhere(folder)
-    with open_cube(folder / CUBE) as cube:
+    with reading_product(folder), open_cube(folder / CUBE) as cube:
         dataset = extra_dataset(cube, planes)
     encoding: dict[str, dict[str, Any]] = {
         name: {"chunks": dataset[name].shape, "compressors": [compressor()]} for name in planes

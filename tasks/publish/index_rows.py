@@ -16,7 +16,7 @@ from catalog.pose import Pose
 from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.points import latitude_longitude
-from tasks.publish.contained import refuse_what_is_elsewhere
+from tasks.publish.contained import DAMAGE, refuse_what_is_elsewhere
 from tasks.publish.names import CUBE, OVERLAY, RESULT
 
 GROUP = f"{CUBE}/zarr.json"  # of Zarr v3: the group's attributes are in there as JSON
@@ -72,7 +72,6 @@ COLUMNS = (
     Column("stamp", "text", "size and time of the files that the row was read from: how a changed product is noticed"),
 )
 KINDS = {column.name: column.kind for column in COLUMNS}
-DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 NAMES = tuple(column.name for column in COLUMNS)
 
 

@@ -118,6 +118,7 @@ def test_a_broken_product_is_named_and_the_others_go_on(
     status, told = run(command, store, tmp_path / "out")
     if command not in NOT_ASKED_FOR.get(breakage, ()):
         assert (status, BAD in told) == (1, True), told
+    assert "bug: " not in told
     if command == "fits":
         assert {path.name for path in (tmp_path / "out").glob("*.fits")} >= {f"{name}.fits" for name in GOOD}
     if command == "planes":
