@@ -10,7 +10,7 @@ from catalog.errors import RefusedError
 from catalog.plain_text import printable
 from catalog.pose import Pose, write_pose_file
 from catalog.target import Target
-from flows.boundary import attempted, reason_of
+from flows.boundary import reason_of, trouble_of
 from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.measurement import Measurement, measurement_of
 from tasks.adjust.report import adjusted_poses, report_of
@@ -29,11 +29,13 @@ def adjust_store(store: Path, settings: AdjustSettings, out: Path | None = None)
     --resume` goes on. Raises RefusedError when no image can be used."""
     images: list[Measurement] = []
     left_out: list[dict[str, str]] = []
+
+    def measure(folder: Path) -> None:
+        images.append(measurement_in(folder))
+
     for folder in products_in(store):
-        measured, error = attempted(partial(measurement_in, folder), folder.name)
-        if error is None:
-            images.append(measured)
-        else:
+        error = trouble_of(partial(measure, folder), folder.name)
+        if error is not None:
             left_out.append({"product": printable(folder.name), "reason": reason_of(error)})
     if not images:
         raise RefusedError(

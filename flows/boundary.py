@@ -2,25 +2,25 @@
 
 import logging
 from collections.abc import Callable
-from typing import TypeVar
 
 from catalog.errors import PlanetposeError
 from flows.result import verdict
 
-Answer = TypeVar("Answer")
 logger = logging.getLogger("planetpose")
 
 
-def attempted(work: Callable[[], Answer], name: str, log: bool = True) -> tuple[Answer, None] | tuple[None, Exception]:
-    """What `work` returns, or what it raised. log: write the traceback of what is no expected failure into the log."""
+def trouble_of(work: Callable[[], object], name: str, log: bool = True) -> Exception | None:
+    """What `work` raises, None when it comes to its end. log: write the traceback of what is no expected failure into
+    the log."""
     try:
-        return work(), None
+        work()
     except (PlanetposeError, OSError) as expected:
-        return None, expected
+        return expected
     except Exception as bug:  # the log has the traceback
         if log:
             logger.exception("%s ended by %s", name, type(bug).__name__)
-        return None, bug
+        return bug
+    return None
 
 
 def reason_of(error: Exception) -> str:

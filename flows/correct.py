@@ -13,7 +13,7 @@ from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
 from catalog.errors import FailedError
-from flows.boundary import attempted
+from flows.boundary import trouble_of
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.indexing import note_in_index
@@ -116,7 +116,7 @@ def one_result(
     if twin:
         error: Exception | None = product_twice(twin)
     else:
-        _, error = attempted(lambda: correct_image(chain), request.product)
+        error = trouble_of(lambda: correct_image(chain), request.product)
     result = result_of(chain, error)
     reporter.finished(request.product, result["status"], result["reason"])
     return result

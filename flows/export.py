@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
-from flows.boundary import attempted
+from flows.boundary import trouble_of
 from flows.result import verdict
 from tasks.export.map_grid import PROJECTIONS
 from tasks.export.map_image import KERNELS
@@ -82,7 +82,7 @@ def export_products(
             fault = f"{folder} has the name of another product of this command; its files would replace those."
             error: Exception | None = RefusedError("product-twice", fault, "Use another --out for one of them.")
         else:
-            _, error = attempted(partial(_export, folder, settings, out, result, items), result.product)
+            error = trouble_of(partial(_export, folder, settings, out, result, items), result.product)
         if error is not None:
             result.status, result.reason = error_of(error)
         results.append(result)

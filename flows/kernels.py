@@ -8,7 +8,7 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.spice import kernel_pool
-from flows.boundary import attempted, reason_of
+from flows.boundary import reason_of, trouble_of
 from tasks.kernels.exposure import Exposure, read_exposure
 from tasks.kernels.round_trip import round_trip
 from tasks.kernels.write import KernelSet, write_kernel_set
@@ -40,14 +40,16 @@ def kernels_of(
 
 
 def _exposures(products: Sequence[Path], refused: Callable[[Path, str], None] | None) -> list[Exposure]:
-    exposures = []
+    exposures: list[Exposure] = []
+
+    def read(product: Path) -> None:
+        exposures.append(read_exposure(product))
+
     for product in products:
-        exposure, error = attempted(partial(read_exposure, product), product.name)
-        if error is None:
-            exposures.append(exposure)
-        elif refused is None:
+        error = trouble_of(partial(read, product), product.name)
+        if error is not None and refused is None:
             raise error
-        else:
+        if error is not None and refused is not None:
             refused(product, reason_of(error))
     return exposures
 

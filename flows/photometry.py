@@ -12,7 +12,7 @@ from typing import Any
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_text import printable
 from catalog.regular_file import read_regular_text
-from flows.boundary import attempted, reason_of
+from flows.boundary import reason_of, trouble_of
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight, limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
@@ -70,10 +70,12 @@ def _fit_region(
     left_out: list[tuple[str, str]] = []
 
     def attempt(folder: Path, gather: Callable[[], OneImage | None]) -> OneImage | None:
-        gathered, error = attempted(gather, folder.name)
+        gathered: list[OneImage | None] = []
+        error = trouble_of(lambda: gathered.append(gather()), folder.name)
         if error is not None:
             left_out.append((printable(folder.name), reason_of(error)))
-        return gathered
+            return None
+        return gathered[0]
 
     try:
         pixels = region_pixels(folders, selection, settings.max_pixels_per_image, settings.albedo_map, attempt=attempt)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError, RefusedError
-from flows.boundary import attempted
+from flows.boundary import trouble_of
 from flows.chain import Chain, only_cached
 from flows.image import correct_image
 from flows.request import Request
@@ -19,7 +19,7 @@ def answer_from_cache(request: Request) -> dict[str, Any] | None:
     would not change that. Trouble of another kind is left to the flow, which tells it.
     """
     chain = Chain(request, only_cached)
-    _, error = attempted(lambda: correct_image(chain), request.product, log=False)
+    error = trouble_of(lambda: correct_image(chain), request.product, log=False)
     if error is None or isinstance(error, PlanetposeError):
         return result_of(chain, error)
     return None

@@ -72,8 +72,9 @@ def each_checked(paths: list[str]) -> "Iterator[tuple[str, list[Fault]]]":
 
 def faults_in(folder: Path) -> "list[Fault]":
     """Faults of one product; one that cannot be looked at has that as its fault."""
-    from flows.boundary import attempted, reason_of
+    from flows.boundary import reason_of, trouble_of
     from tasks.publish.check import Fault, product_faults
 
-    faults, error = attempted(lambda: product_faults(folder), folder.name)
+    faults: list[Fault] = []
+    error = trouble_of(lambda: faults.extend(product_faults(folder)), folder.name)
     return faults if error is None else [Fault("file", f"the product cannot be checked: {reason_of(error)}")]

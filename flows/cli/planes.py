@@ -25,11 +25,11 @@ def planes(
 
     from catalog.errors import RefusedError
     from catalog.plain_text import printable
-    from flows.boundary import attempted, reason_of
+    from flows.boundary import reason_of, trouble_of
     from flows.cli.output import clean_stdout, write_json
     from tasks.project.more_planes import MORE_PLANES, planes_named
     from tasks.publish.check import products_in
-    from tasks.publish.extra_planes import write_extra_planes
+    from tasks.publish.extra_planes import EXTRA, write_extra_planes
 
     if list_:
         for name, plane in MORE_PLANES.items():
@@ -44,14 +44,14 @@ def planes(
     broken = 0
     with clean_stdout() as answer:
         for folder in [product for path in paths or () for product in products_in(path)]:
-            written, error = attempted(partial(write_extra_planes, folder, names), folder.name)
-            product, reason = printable(folder.name), reason_of(error) if error else None
+            trouble = trouble_of(partial(write_extra_planes, folder, names), folder.name)
+            product, reason = printable(folder.name), reason_of(trouble) if trouble else None
             broken += reason is not None
             if json:
-                path = None if reason else str(written)
+                path = None if reason else str(folder / EXTRA)
                 told = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
                 write_json(answer, told)
             else:
-                print(f"{product}: {reason}" if reason else written, file=answer, flush=True)
+                print(f"{product}: {reason}" if reason else folder / EXTRA, file=answer, flush=True)
     if broken:
         sys.exit(1)

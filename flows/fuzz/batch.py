@@ -27,6 +27,7 @@ from tasks.step import Step, run
 from tasks.work import Progress
 
 GOOD = 2
+FRESH_EVERY = 3  # in every third batch the good images are published anew, in the others they are there
 LONGEST_S = 10.0
 REASON = re.compile(r"[a-z]+(-[a-z]+)+: .+\. \S.*", re.DOTALL)  # code, fault, and after it a remedy
 Result = dict[str, Any]
@@ -42,6 +43,11 @@ class Ground:
     def archive(self) -> Path:
         """The good images, their camera, pose and profile."""
         return self.folder / "archive"
+
+    @property
+    def first(self) -> Path:
+        """A store with the good images' products."""
+        return self.folder / "first"
 
     def request(self, image: Path, store: Path, **options: Any) -> Request:
         """What is asked for one image."""
@@ -59,7 +65,7 @@ class Ground:
         """Make the images and correct them once. Raises RuntimeError when that does not go well."""
         write_small_archive(self.archive, GOOD)
         for image in self.images():
-            result = one_result(self.request(image, self.folder / "first"), Silent(), run_step=run)
+            result = one_result(self.request(image, self.first), Silent(), run_step=run)
             if result["status"] not in PUBLISHED:
                 raise RuntimeError(f"a good image is {result['status']}: {result['reason']}")
 
@@ -80,6 +86,8 @@ def run_batch(ground: Ground, number: int, seed: int) -> dict[str, Any]:
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     good, store = ground.images(), folder / "store"
+    if number % FRESH_EVERY:
+        shutil.copytree(ground.first, store)
     spoilt = SPOILS[spoil_of(number)](folder, good[0].read_bytes(), random)
     requests = [ground.request(image, store) for image in good]
     place = int(random.integers(GOOD + 1))

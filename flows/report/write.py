@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalog.times import now_utc
-from flows.boundary import attempted, reason_of
+from flows.boundary import reason_of, trouble_of
 from flows.report.page import image_page, index_page
 from flows.report.product import ImageEntry, image_entry
 from tasks.publish.contained import refuse_what_is_elsewhere
@@ -62,21 +62,22 @@ def write_report(
 def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[str]) -> ImageEntry:
     """What is told of one image, its pictures drawn; of a product that is broken, why."""
 
-    def told() -> ImageEntry:
+    broken = ImageEntry(folder.name, row | {"status": UNREADABLE})
+    entries = [broken]
+
+    def tell() -> None:
         refuse_what_is_elsewhere(folder)
         entry = image_entry(folder, row)
         if row["status"] != UNREADABLE:
             _draw(entry, folder.parent, pictures, kinds)
         else:
             entry.missing["product"] = entry.reason
-        return entry
+        entries.append(entry)
 
-    entry, error = attempted(told, folder.name)
-    if error is None:
-        return entry
-    broken = ImageEntry(folder.name, row | {"status": UNREADABLE, "reason": reason_of(error)})
-    broken.missing["product"] = reason_of(error)
-    return broken
+    error = trouble_of(tell, folder.name)
+    if error is not None:
+        broken.row["reason"] = broken.missing["product"] = reason_of(error)
+    return entries[-1]
 
 
 def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) -> None:
@@ -84,16 +85,16 @@ def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) 
     from tasks.pictures.thumbnail import write_thumbnail
 
     folder, product = store / entry.product, entry.product
-    thumbnail, error = attempted(lambda: write_thumbnail(folder, pictures / f"{product}-small.png"), product)
-    if error is None:
-        entry.thumbnail = thumbnail.name
-    else:
-        entry.missing["thumbnail"] = reason_of(error)
-    for kind in kinds:
-        drawn, error = attempted(partial(_drawn, kind, folder, pictures, product), product)
-        if error is None:
-            entry.pictures += [(path.name, *_told(kind, path.stem)) for path in drawn]
-        else:
+
+    def draw_thumbnail() -> None:
+        entry.thumbnail = write_thumbnail(folder, pictures / f"{product}-small.png").name
+
+    def draw(kind: str) -> None:
+        entry.pictures += [(path.name, *_told(kind, path.stem)) for path in _drawn(kind, folder, pictures, product)]
+
+    for kind, work in (("thumbnail", draw_thumbnail), *((kind, partial(draw, kind)) for kind in kinds)):
+        error = trouble_of(work, product)
+        if error is not None:
             entry.missing[kind] = reason_of(error)
 
 

@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any, TextIO
 
 from catalog.digest import remember_digests
-from flows.boundary import attempted
+from flows.boundary import trouble_of
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.reprocessing.claims import claimed
@@ -111,7 +111,7 @@ def do(request: Request, voice: Voice) -> None:
 
 def correct(chain: Chain) -> Exception | None:
     """All steps of one image; what ended them, if anything did."""
-    return attempted(lambda: correct_image(chain), chain.request.product)[1]
+    return trouble_of(lambda: correct_image(chain), chain.request.product)
 
 
 def measured(step: Step, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Record:

@@ -81,7 +81,8 @@ def _describe(header: "Header", source: Source) -> None:
         if key in cube:
             _add_pose(header, key, Pose.from_dict(json.loads(cube[key])))
     header.add_history(_text(f"exported from the cube of {source.product}", LONGEST))
-    image = json.loads(cube.get("provenance", "{}")).get("image")
+    provenance = json.loads(cube.get("provenance", "{}"))
+    image = provenance.get("image") if isinstance(provenance, dict) else None
     if isinstance(image, dict) and image.get("sha256"):
         header.add_history(_text(f"source image sha256 {image['sha256']}", LONGEST))
 

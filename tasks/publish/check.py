@@ -76,7 +76,7 @@ def product_faults(folder: Path) -> list[Fault]:
     try:
         with open_cube(folder / CUBE) as lazy:
             cube = lazy.load()
-    except DAMAGE as error:
+    except (*DAMAGE, RefusedError) as error:
         return [*faults, Fault("file", f"{CUBE} cannot be read: {type(error).__name__}: {error}")]
     departures = [text for text in cube_faults(cube) if not WORDING.search(text)]
     faults += [Fault("values" if "values" in text else "schema", text) for text in departures]

@@ -26,6 +26,20 @@ def reading_product(folder: Path) -> Iterator[None]:
     """What the `with` block reads is of the product in `folder`: RefusedError as `refuse_what_is_elsewhere`, and in
     place of whatever damage makes libraries raise."""
     refuse_what_is_elsewhere(folder)
+    with _damage_refused(folder):
+        yield
+
+
+@contextmanager
+def reading_cube(cube: Path) -> Iterator[None]:
+    """The same for a cube alone, or another part of a product that is a folder."""
+    _refuse(_faults_below(cube, _store_of(cube.parent)))
+    with _damage_refused(cube.parent):
+        yield
+
+
+@contextmanager
+def _damage_refused(folder: Path) -> Iterator[None]:
     try:
         yield
     except DAMAGE as error:
@@ -34,11 +48,6 @@ def reading_product(folder: Path) -> Iterator[None]:
             f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
             "`planetpose check` says what is wrong with it; publish it again.",
         ) from error
-
-
-def refuse_cube_elsewhere(cube: Path) -> None:
-    """The same for a cube alone, or another part of a product that is a folder."""
-    _refuse(_faults_below(cube, _store_of(cube.parent)))
 
 
 def _refuse(faults: Iterator[str]) -> None:

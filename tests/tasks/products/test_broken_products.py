@@ -80,7 +80,7 @@ COMMANDS = {
 
 # What a command does not look at does not stop it; that chunks are missing, which reads as NaN, is what `check` is for.
 NOT_ASKED_FOR = {
-    "provenance is a number": ("planes", "maps"),
+    "provenance is a number": ("fits", "planes", "maps"),
     "time is no time": ("fits", "planes"),
     "planes are gone": ("fits", "planes", "report"),
 }
