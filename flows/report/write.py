@@ -92,7 +92,9 @@ def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) 
     def draw(kind: str) -> None:
         entry.pictures += [(path.name, *_told(kind, path.stem)) for path in _drawn(kind, folder, pictures, product)]
 
-    for kind, work in (("thumbnail", draw_thumbnail), *((kind, partial(draw, kind)) for kind in kinds)):
+    drawing: dict[str, Callable[[], None]] = {"thumbnail": draw_thumbnail}
+    drawing |= {kind: partial(draw, kind) for kind in kinds}
+    for kind, work in drawing.items():
         error = trouble_of(work, product)
         if error is not None:
             entry.missing[kind] = reason_of(error)
