@@ -26,11 +26,13 @@ KEPT = ("residual", "planes")  # slow to draw: pictures younger than their produ
 
 @dataclass(frozen=True)
 class Report:
-    """page: the index. images: how many have a page; missing: pictures that could not be drawn, and why."""
+    """page: the index. images: how many have a page; missing: pictures that could not be drawn, and why; broken:
+    products that could not be read, and why."""
 
     page: Path
     images: int
     missing: dict[str, str]
+    broken: dict[str, str]
 
 
 def write_report(
@@ -56,7 +58,8 @@ def write_report(
     figures = _distributions(index, out / FIGURES)
     index.drop(columns=["stamp"]).to_csv(out / TABLE, index=False)
     (out / INDEX_PAGE).write_text(index_page(entries, figures, head), encoding="utf-8")
-    return Report(out / INDEX_PAGE, len(entries), missing)
+    broken = {entry.product: entry.reason for entry in entries if entry.status == UNREADABLE}
+    return Report(out / INDEX_PAGE, len(entries), missing, broken)
 
 
 def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[str]) -> ImageEntry:
@@ -70,13 +73,11 @@ def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[st
         entry = image_entry(folder, row)
         if row["status"] != UNREADABLE:
             _draw(entry, folder.parent, pictures, kinds)
-        else:
-            entry.missing["product"] = entry.reason
         entries.append(entry)
 
     error = trouble_of(tell, folder.name)
     if error is not None:
-        broken.row["reason"] = broken.missing["product"] = reason_of(error)
+        broken.row["reason"] = reason_of(error)
     return entries[-1]
 
 
