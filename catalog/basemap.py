@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.regular_file import open_regular
 from catalog.target import Target
 
 MAX_MAP_PIXELS = 400_000_000
+MAX_MAP_BYTES = 9 * MAX_MAP_PIXELS
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ def read_map(path: Path, left_edge_deg: float = 0.0) -> BaseMap:
 
     Image.MAX_IMAGE_PIXELS = MAX_MAP_PIXELS
     try:
-        with Image.open(path) as picture:
+        with open_regular(Path(path)) as file, Image.open(file) as picture:
             pixels = np.asarray(picture.convert("F" if picture.mode in ("I;16", "I", "F") else "L"), dtype=np.float32)
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise RefusedError(

@@ -6,16 +6,39 @@ import os
 import time
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+
+from catalog.errors import RefusedError
+from catalog.regular_file import ChangedError, check_regular, open_regular
 
 Signature = tuple[int, int, int, int]
+BLOCK_BYTES = 1 << 20
 SETTLED_NS = 2_000_000_000  # a file changed within the clock's grain after it was read would not show: trust it later
 
 
-def sha256_of_file(path: Path) -> str:
-    """Hex digest of a file's content; remembered while its size, times and inode stay the same."""
-    resolved = str(Path(path).resolve())
-    return _sha256(resolved, signature_of(os.stat(resolved)))
+def sha256_of_file(path: Path, max_bytes: int | None = None) -> str:
+    """Hex digest of a file's content; remembered while its size, times and inode stay the same. Raises OSError as
+    `catalog.regular_file.open_regular`, ChangedError when the file changed meanwhile."""
+    check_regular(path, max_bytes)
+    resolved = Path(path).resolve()
+    return _sha256(str(resolved), signature_of(check_regular(resolved, max_bytes)))
+
+
+def input_changed(what: str) -> RefusedError:
+    """The refusal of a file that something wrote on, or exchanged, while it was worked with; it can pass."""
+    error = RefusedError("input-changed", f"{what} changed while it was read.", "Run it again when the file is whole.")
+    error.__cause__ = ChangedError(Path(what))
+    return error
+
+
+def refuse_changed(path: Path, digest: str, what: str) -> None:
+    """Raises RefusedError when the content of a file is not that of `digest` any more, or it is gone."""
+    try:
+        same = sha256_of_file(path) == digest
+    except OSError as error:
+        raise input_changed(f"{what} {path}") from error
+    if not same:
+        raise input_changed(f"{what} {path}")
 
 
 def signature_of(stat: os.stat_result) -> Signature:
@@ -27,11 +50,22 @@ def signature_of(stat: os.stat_result) -> Signature:
 def _sha256(path: str, signature: Signature) -> str:
     if path in _known and _known[path][0] == signature:
         return _known[path][1]
-    with open(path, "rb") as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()
+    with open_regular(Path(path)) as file:
+        digest = _digest(file, signature[0])
+        if signature_of(os.fstat(file.fileno())) != signature:
+            raise ChangedError(Path(path))
     if _keeping and time.time_ns() - max(signature[1], signature[2]) > SETTLED_NS:
         _known[path] = (signature, digest)
     return digest
+
+
+def _digest(file: BinaryIO, size: int) -> str:
+    """Of the first `size` bytes: a file may grow faster than it is read."""
+    digest, left = hashlib.sha256(), size
+    while left > 0 and (block := file.read(min(left, BLOCK_BYTES))):
+        digest.update(block)
+        left -= len(block)
+    return digest.hexdigest()
 
 
 _known: dict[str, tuple[Signature, str]] = {}

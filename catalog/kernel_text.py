@@ -13,6 +13,7 @@ from pathlib import Path
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.regular_file import open_regular, read_regular
 
 MAX_LINE = 132  # characters of a line that SPICE reads
 MAX_PATH = 255  # characters of a file's name that SPICE takes
@@ -89,7 +90,7 @@ def is_binary(path: Path) -> bool:
 
 
 def _head(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         return file.read(32).removeprefix(b"\xef\xbb\xbf").lstrip()
 
 
@@ -116,7 +117,7 @@ def _read(path: Path, sha256: str) -> TextKernel:  # noqa: ARG001 - a key
 def _text(path: Path) -> str:
     if path.stat().st_size > MAX_TEXT_BYTES:
         raise _fault(path, f"has {path.stat().st_size} bytes and is no binary SPICE file")
-    content = path.read_bytes()
+    content = read_regular(path)
     if content.startswith((b"DAFETF", b"DASETF")):
         raise _fault(path, "is in SPICE's transfer format", "Convert it with NAIF's program `tobin`.")
     if content.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in content:

@@ -1,18 +1,31 @@
 """A user's mask: pixels of a raw image that no step may use."""
 
 import dataclasses
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.observation import Observation, Quality
+from catalog.regular_file import open_regular
 
 MAX_MASK_PIXELS = 400_000_000
+MAX_MASK_BYTES = 9 * MAX_MASK_PIXELS  # doubles, and what a file says of them
 KINDS = "Give a PNG, TIFF, FITS or NPY file of the image's size, non-zero where a pixel must not be used."
-DAMAGE = (OSError, ValueError, TypeError, LookupError, SyntaxError, ArithmeticError, AttributeError, EOFError)
+DAMAGE = (
+    OSError,
+    ValueError,
+    TypeError,
+    LookupError,
+    SyntaxError,
+    ArithmeticError,
+    AttributeError,
+    EOFError,
+    MemoryError,
+)
 
 
 def read_mask(path: Path) -> NDArray[np.bool_]:
@@ -23,9 +36,8 @@ def read_mask(path: Path) -> NDArray[np.bool_]:
     """
     path = Path(path)
     try:
-        with path.open("rb") as file:
-            head = file.read(8)
-        values = _values(path, head)
+        with open_regular(path, MAX_MASK_BYTES) as file:
+            values = _values(file)
     except DAMAGE as error:
         raise RefusedError("mask-unreadable", f"mask {path} cannot be read ({error}).", KINDS) from error
     if values is None or values.ndim != 2 or values.dtype.kind not in "biuf":
@@ -48,20 +60,29 @@ def masked(observation: Observation, mask: NDArray[np.bool_], path: Path) -> Obs
     return dataclasses.replace(observation, quality=quality.astype(np.uint16))
 
 
-def _values(path: Path, head: bytes) -> NDArray[Any] | None:
+def _values(file: BinaryIO) -> NDArray[Any] | None:
+    head = file.read(8)
+    file.seek(0)
     if head.startswith(b"\x93NUMPY"):
-        stored = np.load(path, mmap_mode="r", allow_pickle=False)
-        _check_size(stored.size)
-        return np.asarray(stored)
+        return _array(file)
     if head.startswith(b"SIMPLE"):
-        return _first_image(path)
-    return _picture(path)
+        return _first_image(file)
+    return _picture(file)
 
 
-def _first_image(path: Path) -> NDArray[Any] | None:
+def _array(file: BinaryIO) -> NDArray[Any]:
+    version = np.lib.format.read_magic(file)
+    header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, _ = header(file)
+    _check_size(math.prod(shape))
+    file.seek(0)
+    return np.asarray(np.load(file, allow_pickle=False))
+
+
+def _first_image(file: BinaryIO) -> NDArray[Any] | None:
     from astropy.io import fits
 
-    with fits.open(path, memmap=True) as parts:
+    with fits.open(file, memmap=True) as parts:
         for part in parts:
             if part.is_image and part.header.get("NAXIS", 0) >= 2:
                 _check_size(int(np.prod(part.shape)))
@@ -69,10 +90,10 @@ def _first_image(path: Path) -> NDArray[Any] | None:
     return None
 
 
-def _picture(path: Path) -> NDArray[Any]:
+def _picture(file: BinaryIO) -> NDArray[Any]:
     from PIL import Image
 
-    with Image.open(path, formats=("PNG", "TIFF")) as picture:
+    with Image.open(file, formats=("PNG", "TIFF")) as picture:
         _check_size(picture.width * picture.height)
         shown = picture.convert("RGB") if picture.mode == "P" else picture
         pixels = np.asarray(shown)

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from catalog.regular_file import read_regular
+
 MAX_DEPTH = 50
 """Of tables and lists in each other; the deepest that this program reads or writes (a profile, a result) has 6."""
 TOO_DEEP = f"its tables and lists are nested more than {MAX_DEPTH} deep"
@@ -65,14 +67,8 @@ def parsed_toml(text: str) -> dict[str, Any]:
 
 
 def text_of_file(path: Path, max_bytes: int = MAX_FILE_BYTES) -> str:
-    """The text of a UTF-8 file. Raises OSError, and ValueError for another encoding, a device, or too many bytes."""
-    path = Path(path)
-    if path.exists() and not path.is_file() and not path.is_dir():
-        raise ValueError("it is no regular file")
-    with path.open("rb") as file:
-        content = file.read(max_bytes + 1)
-    if len(content) > max_bytes:
-        raise ValueError(f"it has more than {max_bytes} bytes")
+    """The text of a UTF-8 file. Raises OSError as `read_regular` does, and ValueError for another encoding."""
+    content = read_regular(Path(path), max_bytes)
     for mark, name in FOREIGN_MARKS:
         if content.startswith(mark):
             raise ValueError(f"it is {name} text; save it as UTF-8")

@@ -14,6 +14,7 @@ from typing import Any
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
+from catalog.regular_file import check_regular
 
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
@@ -36,8 +37,11 @@ class Kernel:
 
     @property
     def sha256(self) -> str:
-        """Hex digest of the file's content."""
-        return sha256_of_file(self.path)
+        """Hex digest of the file's content. Raises RefusedError when it cannot be read."""
+        try:
+            return sha256_of_file(self.path)
+        except OSError as error:
+            raise _unreadable(self.path, error) from error
 
     @property
     def for_spice(self) -> str:
@@ -70,17 +74,15 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     recursively by sorted name for known suffixes, meta-kernels last, each followed by what it names. SPICE prefers what
     comes later.
 
-    Raises RefusedError naming a path that does not exist, and a text kernel that holds nothing.
+    Raises RefusedError naming a path that does not exist or is no file, and a text kernel that holds nothing.
     """
     files: list[Path] = []
     for path in map(Path, paths):
         if path.is_dir():
             files += sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
-        elif path.is_file():
-            files.append(path)
         else:
-            raise RefusedError("kernel-missing", f"kernel {path} does not exist.", "Give a kernel file or a folder.")
-    kernels = sorted((Kernel(path, kernel_kind(path)) for path in files), key=lambda k: KIND_ORDER.index(k.kind))
+            files.append(path)
+    kernels = sorted(map(_of_file, files), key=lambda k: KIND_ORDER.index(k.kind))
     return [each for kernel in kernels for each in _with_members(kernel, ())]
 
 
@@ -94,8 +96,24 @@ def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> list[Kernel]:
         raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
     found = [kernel]
     for member in members_of(kernel.path, read_text_kernel(kernel.path)):
-        found += _with_members(Kernel(member, kernel_kind(member)), (*above, path))
+        found += _with_members(_of_file(member), (*above, path))
     return found
+
+
+def _of_file(path: Path) -> Kernel:
+    try:
+        check_regular(path)
+    except FileNotFoundError as error:
+        remedy = "Give a kernel file or a folder."
+        raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    return Kernel(path, kernel_kind(path))
+
+
+def _unreadable(path: Path, error: OSError) -> RefusedError:
+    fault = f"kernel {path} cannot be read: {error.strerror}."
+    return RefusedError("kernel-unreadable", fault, "Give a file of the SPICE formats that may be read.")
 
 
 def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:

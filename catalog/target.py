@@ -61,6 +61,9 @@ def _about_x(angle_deg: float) -> NDArray[np.float64]:
     return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
 
 
+MAX_SHAPE_BYTES = 4_000_000_000  # the finest published shape models have 1-2 GB
+
+
 class Target(BaseModel):
     """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
     relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told."""
@@ -84,7 +87,7 @@ class Target(BaseModel):
     def with_shape(self, path: Path) -> "Target":
         """Copy with the shape model in `path`, and its content hash. Raises RefusedError when it cannot be read."""
         try:
-            digest = sha256_of_file(Path(path))
+            digest = sha256_of_file(Path(path), MAX_SHAPE_BYTES)
         except OSError as error:
             raise RefusedError(
                 "shape-unreadable", f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."

@@ -41,9 +41,10 @@ class Chain:
         places: dict[str, Any],
         destination: Path | None = None,
         kind: type[Step] = Step,
+        files: tuple[tuple[Path, str], ...] = (),
     ) -> dict[str, Any]:
         """Do step `name` by the module `body` and return its result. Raises what the step raises."""
-        step = kind(name, body, self.request.product, self.request.cache, inputs, places, destination)
+        step = kind(name, body, self.request.product, self.request.cache, inputs, places, destination, files)
         self.steps[name] = step
         was_there = step.record() is not None
         self.records[name] = self._run(step)

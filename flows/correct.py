@@ -1,6 +1,5 @@
 """The Prefect flow: correct images, each through the chain of cached tasks; one bad image never stops the others."""
 
-import logging
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
@@ -13,11 +12,12 @@ from typing import Any
 from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
-from catalog.errors import FailedError, PlanetposeError, RefusedError
+from catalog.errors import FailedError
+from flows.boundary import trouble_of
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.indexing import note_in_index
-from flows.plan import twins
+from flows.plan import product_twice, twins
 from flows.progress import Reporter, Silent
 from flows.request import Request
 from flows.result import result_of, tally
@@ -29,7 +29,6 @@ from tasks.work import Progress
 
 Result = dict[str, Any]
 RunStep = Callable[[Step, Progress], Record]
-logger = logging.getLogger("planetpose")
 HEAR_CTRL_C_S = 0.5
 
 
@@ -119,18 +118,10 @@ def one_result(
     Ctrl-C has cut a rendering short."""
     stop = stop or Event()
     chain = Chain(request, partial(run_and_report, reporter, stop, run_step))
-    error: Exception | None = None
-    try:
-        if twin:
-            raise RefusedError("product-twice", f"{twin}.", "Use another --store for one of them.")
-        correct_image(chain)
-    except PlanetposeError as expected:
-        error = expected
-    except OSError as trouble:
-        error = trouble
-    except Exception as bug:  # the boundary of one image: the batch goes on, and the log has the traceback
-        logger.exception("%s ended by %s", request.product, type(bug).__name__)
-        error = bug
+    if twin:
+        error: Exception | None = product_twice(twin)
+    else:
+        error = trouble_of(lambda: correct_image(chain), request.product)
     if isinstance(error, FailedError) and error.code == "interrupted":
         stop.set()
     result = result_of(chain, error)

@@ -2,10 +2,14 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalog.errors import PlanetposeError, RefusedError
+from catalog.errors import RefusedError
+from catalog.plain_text import printable
+from flows.boundary import trouble_of
+from flows.result import verdict
 from tasks.export.map_grid import PROJECTIONS
 from tasks.export.map_image import KERNELS
 from tasks.export.pixels import Selection
@@ -48,18 +52,19 @@ class ExportSettings:
 
 @dataclass
 class Exported:
-    """What became of one product: the files by format, or the reason why there are none."""
+    """What became of one product: the files by format, and the reason where some or all could not be written."""
 
     product: str
     files: dict[str, Path] = field(default_factory=dict)
     reason: str | None = None
+    status: str = "ok"
 
     def to_dict(self) -> dict[str, Any]:
         """As `--json` prints it."""
         files = {kind: str(path) for kind, path in self.files.items()}
         return {
             "product": self.product,
-            "status": "refused" if self.reason else "ok",
+            "status": self.status,
             "reason": self.reason,
             "files": files,
         }
@@ -72,14 +77,14 @@ def export_products(
     items: list[pystac.Item] = []
     results: list[Exported] = []
     for folder in folders:
-        result = Exported(folder.name)
-        try:
-            if folder.name in {done.product for done in results}:
-                fault = f"{folder} has the name of another product of this command; its files would replace those."
-                raise RefusedError("product-twice", fault, "Use another --out for one of them.")
-            _export(folder, settings, out, result, items)
-        except PlanetposeError as error:
-            result.reason = error.reason
+        result = Exported(printable(folder.name))
+        if result.product in {done.product for done in results}:
+            fault = f"{folder} has the name of another product of this command; its files would replace those."
+            error: Exception | None = RefusedError("product-twice", fault, "Use another --out for one of them.")
+        else:
+            error = trouble_of(partial(_export, folder, settings, out, result, items), result.product)
+        if error is not None:
+            result.status, result.reason = error_of(error)
         results.append(result)
         tell(result)
     if items:
@@ -87,6 +92,12 @@ def export_products(
 
         write_stac(items, out / STAC_FOLDER, "planetpose")
     return results
+
+
+def error_of(error: Exception) -> tuple[str, str]:
+    """Status and reason."""
+    told = verdict(error, [])
+    return str(told["status"]), str(told["reason"])
 
 
 def _export(folder: Path, settings: ExportSettings, out: Path, result: Exported, items: "list[pystac.Item]") -> None:

@@ -4,6 +4,7 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_json_file
+from catalog.plain_text import shown_path
 from catalog.pose import PartialPose
 from flows.request import Request
 
@@ -16,8 +17,8 @@ def guidance_of(request: Request) -> dict[str, Any]:
     return {
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
-        "mask": str(request.mask) if request.mask else None,
-        "resumed_from": str(request.resume) if request.resume else None,
+        "mask": shown_path(request.mask) if request.mask else None,
+        "resumed_from": shown_path(request.resume) if request.resume else None,
     }
 
 
@@ -50,5 +51,5 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
         return PartialPose.from_dict(pose).completed().to_dict()
     except OSError as error:
         raise RefusedError("resume-unreadable", f"{path} cannot be read ({error}).", REMEDY) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise RefusedError("resume-invalid", f"{path}: {error}.", REMEDY) from error

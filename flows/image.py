@@ -18,20 +18,24 @@ from flows.request import (
     camera_inputs,
     digest_of,
     kernel_inputs,
+    kernels_offered,
     projected_target,
+    refuse_what_is_no_text,
     target_inputs,
     target_names_digest,
 )
-from flows.result import origin_of, result_of
+from flows.result import profile_origin, result_of
 from flows.settling import settled
 from flows.verdict import believe, explained, reminded
 from tasks.correction import IMAGE_MOVED
+from tasks.publish.origin import PublishStep, note_place, origin_of, refuse_taken
 
 STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
 
 
 def correct_image(chain: Chain) -> None:
     """Do every step for the chain's request. Raises RefusedError or FailedError when a step or the verdict does."""
+    refuse_what_is_no_text(chain.request)
     frame = ingest(chain)
     try:
         correct_frame(chain, frame)
@@ -41,6 +45,7 @@ def correct_image(chain: Chain) -> None:
 
 def correct_frame(chain: Chain, frame: dict[str, Any]) -> None:
     """Every step after `ingest`, whose result `frame` is."""
+    refuse_taken(chain.request.product_folder, chain.request.image, frame["sha256"])
     predicted = pose(chain, frame)
     undistort(chain, frame)
     scene, basemap = scene_inputs(chain, frame, predicted)
@@ -48,7 +53,7 @@ def correct_frame(chain: Chain, frame: dict[str, Any]) -> None:
         latest, scene, basemap = correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
         raise explained(error, predicted["pose"]) from error
-    publish(chain, latest, scene, basemap)
+    publish(chain, frame, latest, scene, basemap)
     if chain.request.publish_to:
         upload(chain, chain.request.publish_to)
 
@@ -81,7 +86,14 @@ def ingest(chain: Chain) -> dict[str, Any]:
         "target_names": target_names_digest(),
         "product": request.product,
     } | label_inputs(request.image)
-    return chain.do("ingest", "tasks.ingest.step", inputs, image_places(chain))
+    files = image_files(request.image, inputs)
+    return chain.do("ingest", "tasks.ingest.step", inputs, image_places(chain), files=files)
+
+
+def image_files(image: Path, inputs: dict[str, Any]) -> tuple[tuple[Path, str], ...]:
+    """The image and its detached label with their digests, as `image_inputs` has them."""
+    label = label_beside(image)
+    return ((image, inputs["image"]), *(((label, inputs["label"]),) if label and "label" in inputs else ()))
 
 
 def image_places(chain: Chain) -> dict[str, Any]:
@@ -105,17 +117,19 @@ def label_inputs(image: Path) -> dict[str, str]:
 def pose(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
     """Find the predicted pose in pose file, kernels or label."""
     request = chain.request
-    pose_file = request.pose_file
+    pose_file, kernels = request.pose_file, kernels_offered(request.kernel_paths)
     inputs = image_inputs(chain, frame) | {
         "frame": sha256_of_json(frame),
         "pose_file": digest_of(pose_file, "pose file") if pose_file else None,
-        "kernels": kernel_inputs(request.kernel_paths),
+        "kernels": kernel_inputs(kernels),
     }
     places = image_places(chain) | {
         "pose_file": str(pose_file) if pose_file else None,
         "kernels": [str(path) for path in request.kernel_paths],
     }
-    return chain.do("pose", "tasks.ingest.pose_step", inputs, places)
+    files = (*image_files(request.image, inputs), *((kernel.path, kernel.sha256) for kernel in kernels))
+    files += ((pose_file, inputs["pose_file"]),) if pose_file else ()
+    return chain.do("pose", "tasks.ingest.pose_step", inputs, places, files=files)
 
 
 def undistort(chain: Chain, frame: dict[str, Any]) -> None:
@@ -123,11 +137,12 @@ def undistort(chain: Chain, frame: dict[str, Any]) -> None:
     settings = chain.request.profile.settings_of("undistort")
     inputs = image_inputs(chain, frame) | {"undistorted": frame["undistorted"], "settings": settings}
     inputs |= {"reseau_tables": reseau_digests(frame["camera"], settings)}
-    places = image_places(chain)
+    places, files = image_places(chain), image_files(chain.request.image, inputs)
     if chain.request.mask:
         inputs["mask"] = digest_of(chain.request.mask, "mask")
         places["mask"] = str(chain.request.mask)
-    chain.do("undistort", "tasks.undistort.step", inputs, places)
+        files += ((chain.request.mask, inputs["mask"]),)
+    chain.do("undistort", "tasks.undistort.step", inputs, places, files=files)
 
 
 def reseau_digests(camera: dict[str, Any], settings: dict[str, Any]) -> dict[str, str]:
@@ -209,17 +224,19 @@ def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str
     return chain.do("validate", "tasks.validate.step", inputs, places)
 
 
-def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> None:
+def publish(chain: Chain, frame: dict[str, Any], latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> None:
     """Project every pixel and write the product into the store."""
-    request = chain.request
+    request, origin = chain.request, origin_of(chain.request.product_folder)
+    target = projected_target(request, scene["target"])
+    files = ((request.shape, target["shape_sha256"]),) if request.shape else ()
     inputs = scene | {
-        "target": projected_target(request, scene["target"]),
+        "target": target,
         "product": request.product,
         "validate": chain.key("validate"),
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "profile": request.profile.resolved(),
-        "profile_origin": origin_of(request.profile),
+        "profile_origin": profile_origin(request.profile),
         "guidance": guidance_of(request) | overruled_of(chain.result("ingest")),
     }
     places = basemap | {
@@ -227,8 +244,12 @@ def publish(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str,
         "predicted": chain.folder("pose"),
         "steps": {name: chain.folder(name) for name in chain.records},
         "result": result_of(chain),
+        "image": str(request.image),
+        "sha256": frame["sha256"],
+        "known_places": list(origin.paths) if origin else [],
     }
-    chain.do("publish", "tasks.publish.step", inputs, places, request.product_folder)
+    chain.do("publish", "tasks.publish.step", inputs, places, request.product_folder, PublishStep, files)
+    note_place(request.product_folder, request.image, frame["sha256"])
 
 
 def upload(chain: Chain, url: str) -> None:

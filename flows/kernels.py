@@ -2,11 +2,13 @@
 
 from collections import defaultdict
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.spice import kernel_pool
+from flows.boundary import reason_of, trouble_of
 from tasks.kernels.exposure import Exposure, read_exposure
 from tasks.kernels.round_trip import round_trip
 from tasks.kernels.write import KernelSet, write_kernel_set
@@ -19,13 +21,13 @@ def kernels_of(
     kernels: Sequence[Path],
     per_image: bool = False,
     check: bool = True,
-    refused: Callable[[Path, RefusedError], None] | None = None,
+    refused: Callable[[Path, str], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Write kernel sets of the products that `paths` (products or stores) hold into `folder`, and tell about each.
 
     One set per mission, or per image; with one product its own. check: compare each set with plain SPICE in a second
-    process. refused: called for a product without a readable cube, which is then left out; without it RefusedError is
-    raised. Raises RefusedError when a path holds no product.
+    process. refused: called with the reason for a product without a readable cube, which is then left out; without it
+    the error is raised. Raises RefusedError when a path holds no product.
     """
     exposures = _exposures([product for path in paths for product in products_in(path)], refused)
     _refuse_twins(exposures)
@@ -37,15 +39,18 @@ def kernels_of(
     return [told(kernel_set, members, in_order if check else None) for kernel_set, members in sets]
 
 
-def _exposures(products: Sequence[Path], refused: Callable[[Path, RefusedError], None] | None) -> list[Exposure]:
-    exposures = []
+def _exposures(products: Sequence[Path], refused: Callable[[Path, str], None] | None) -> list[Exposure]:
+    exposures: list[Exposure] = []
+
+    def read(product: Path) -> None:
+        exposures.append(read_exposure(product))
+
     for product in products:
-        try:
-            exposures.append(read_exposure(product))
-        except RefusedError as error:
-            if refused is None:
-                raise
-            refused(product, error)
+        error = trouble_of(partial(read, product), product.name)
+        if error is not None and refused is None:
+            raise error
+        if error is not None and refused is not None:
+            refused(product, reason_of(error))
     return exposures
 
 

@@ -2,6 +2,7 @@
 figure."""
 
 import csv
+import io
 import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
@@ -9,11 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.plain_text import printable
+from catalog.regular_file import read_regular_text
+from flows.boundary import reason_of, trouble_of
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight, limb_weights
 from tasks.photometry.fit import FitSettings, PhotometricFit, fit_law
 from tasks.photometry.laws import PhotometricLaw, find_law
-from tasks.photometry.region import RegionPixels, region_pixels, usable_products
+from tasks.photometry.region import OneImage, RegionPixels, region_pixels, unreadable_products, usable_products
 
 JSON_FILE, PARAMETERS, IMAGES = "photometry.json", "parameters.csv", "images.csv"
 WHOLE = "region"
@@ -35,7 +39,8 @@ class PhotometrySettings:
 
 @dataclass(frozen=True)
 class RegionResult:
-    """One region: its pixels, the fit and L of each image, or the reason why there is none."""
+    """One region: its pixels, the fit and L of each image, or the reason why there is none. left_out: products that
+    could not be read, and why."""
 
     name: str
     selection: Selection
@@ -43,6 +48,7 @@ class RegionResult:
     fit: PhotometricFit | None = None
     each: tuple[ImageLimbWeight, ...] = ()
     reason: str | None = None
+    left_out: tuple[tuple[str, str], ...] = ()
 
 
 def fit_store(
@@ -51,21 +57,33 @@ def fit_store(
     """Fit every region (default: the settings' selection) over all usable images of `store`; a region that cannot be
     fitted says why and stops no other. Raises RefusedError for an unknown law, or a store without usable images."""
     law = find_law(settings.law)
-    folders = usable_products(store, settings.doubtful)
-    return [
+    folders, broken = usable_products(store, settings.doubtful), unreadable_products(store)
+    fitted = [
         _fit_region(name, chosen, law, folders, settings) for name, chosen in regions or [(WHOLE, settings.selection)]
     ]
+    return [replace(result, left_out=(*broken, *result.left_out)) for result in fitted]
 
 
 def _fit_region(
     name: str, selection: Selection, law: PhotometricLaw, folders: Sequence[Path], settings: PhotometrySettings
 ) -> RegionResult:
+    left_out: list[tuple[str, str]] = []
+
+    def attempt(folder: Path, gather: Callable[[], OneImage | None]) -> OneImage | None:
+        gathered: list[OneImage | None] = []
+        error = trouble_of(lambda: gathered.append(gather()), folder.name)
+        if error is not None:
+            left_out.append((printable(folder.name), reason_of(error)))
+            return None
+        return gathered[0]
+
     try:
-        pixels = region_pixels(folders, selection, settings.max_pixels_per_image, settings.albedo_map)
+        pixels = region_pixels(folders, selection, settings.max_pixels_per_image, settings.albedo_map, attempt=attempt)
         fit = fit_law(law, pixels, settings.fit)
-        return RegionResult(name, selection, pixels, fit, tuple(limb_weights(pixels)))
+        return RegionResult(name, selection, pixels, fit, tuple(limb_weights(pixels)), left_out=tuple(left_out))
     except PlanetposeError as error:
-        return RegionResult(name, selection, reason=error.reason)
+        reason = left_out[0][1] if len(left_out) == len(folders) else error.reason
+        return RegionResult(name, selection, reason=reason, left_out=tuple(left_out))
 
 
 def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
@@ -73,8 +91,7 @@ def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
     limits are those of `limits`. Raises RefusedError when the file has no such rows."""
     remedy = f"Give a CSV file with the columns {', '.join(REGION_COLUMNS)}."
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(io.StringIO(read_regular_text(path), newline="")))
         found = [
             (
                 row["region"],
@@ -105,6 +122,7 @@ def in_json(result: RegionResult, law: str) -> dict[str, Any]:
         "longitude_deg": list(chosen.longitude_deg),
         "max_incidence_deg": chosen.max_incidence_deg,
         "max_emission_deg": chosen.max_emission_deg,
+        "left_out": [{"product": product, "reason": reason} for product, reason in result.left_out],
     }
     fit, pixels = result.fit, result.pixels
     if fit is None or pixels is None:

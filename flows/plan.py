@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from catalog.errors import PlanetposeError
-from flows.chain import Chain, NotCachedError, only_cached
+from catalog.errors import PlanetposeError, RefusedError
+from flows.boundary import trouble_of
+from flows.chain import Chain, only_cached
 from flows.image import correct_image
 from flows.request import Request
 from flows.result import result_of
@@ -15,16 +16,18 @@ def answer_from_cache(request: Request) -> dict[str, Any] | None:
     """The result of `request` if no step has to be done for it, else None.
 
     An image that is refused before its first missing step (no such file, unknown camera) is answered too: the steps
-    would not change that.
+    would not change that. Trouble of another kind is left to the flow, which tells it.
     """
     chain = Chain(request, only_cached)
-    try:
-        correct_image(chain)
-    except NotCachedError:
-        return None
-    except PlanetposeError as error:
+    error = trouble_of(lambda: correct_image(chain), request.product, log=False)
+    if error is None or isinstance(error, PlanetposeError):
         return result_of(chain, error)
-    return result_of(chain)
+    return None
+
+
+def product_twice(fault: str) -> RefusedError:
+    """The refusal of an image that would overwrite another one of the same command."""
+    return RefusedError("product-twice", f"{fault}.", "Give each a name by --product, or another --store.")
 
 
 def twins(requests: Sequence[Request]) -> dict[int, str]:

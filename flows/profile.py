@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.plain_text import shown_path
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.attitude import AttitudeSettings
@@ -186,7 +187,7 @@ def _of_layer(content: Content, path: Path, above: tuple[Path, ...]) -> tuple[Pr
         below, under = _of_layer(_content_of(base), base, (*above, base))
         settings = merged(under, settings)
         bases = (named, *(below.origin.bases if below.origin else ()))
-    profile = _validated(settings | {"name": content.get("name", path.stem)}, path)
+    profile = _validated(settings | {"name": content.get("name", shown_path(path.stem))}, path)
     if shipped:
         return profile, settings
     root = Profile() if bases[-1] == BARE else find_profile(bases[-1])

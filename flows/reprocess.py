@@ -98,7 +98,7 @@ def work_through(run: Run) -> None:
     with task_runner(settings.runner, settings.at_a_time) as runner, workers_at_hand():
         for plan in run.plans():
             if not plan.do:
-                run.tally.add(plan.last, done=False)
+                run.leave(plan)
                 continue
             if len(run.why) == 1:
                 save_digests()  # the workers need not compute them

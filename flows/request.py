@@ -6,17 +6,31 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
-from catalog.basemap import packaged_map_path
+from catalog.basemap import MAX_MAP_BYTES, packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
-from catalog.digest import sha256_of_file, sha256_of_json
+from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
+from catalog.mask import MAX_MASK_BYTES
+from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
+from catalog.readers.reading import MAX_FILE_BYTES
+from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
-from catalog.spice import list_kernels
-from catalog.target import TARGET_FOLDER, Target, find_target, is_target_file
+from catalog.spice import Kernel, list_kernels
+from catalog.target import MAX_SHAPE_BYTES, TARGET_FOLDER, Target, find_target, is_target_file
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
+
+LARGEST_BYTES = {
+    "image": MAX_FILE_BYTES,
+    "label": MAX_FILE_BYTES,
+    "pose file": MAX_TEXT_BYTES,
+    "mask": MAX_MASK_BYTES,
+    "base map": MAX_MAP_BYTES,
+    "shape": MAX_SHAPE_BYTES,
+    "reseau table": MAX_TEXT_BYTES,
+}
 
 
 def _profile_by_name(profile: Any) -> Any:
@@ -78,16 +92,35 @@ class Request(BaseModel):
 
 
 def digest_of(path: Path, what: str) -> str:
-    """Content hash of a file that the user named. Raises RefusedError when it cannot be read."""
+    """Content hash of a file that the user named. Raises RefusedError when it cannot be read, has more bytes than what
+    it is meant to be, or changes meanwhile."""
     code = what.replace(" ", "-")
     try:
-        return sha256_of_file(path)
+        return sha256_of_file(path, LARGEST_BYTES.get(what))
     except FileNotFoundError as error:
         raise RefusedError(f"{code}-missing", f"{what} {path} does not exist.", "Check the path.") from error
+    except TooLargeError as error:
+        remedy = "Give a single frame." if what == "image" else "Is it the right file?"
+        raise RefusedError(f"{code}-too-large", f"{what} {path}: {error.strerror}.", remedy) from error
+    except ChangedError:
+        raise input_changed(f"{what} {path}") from None
     except OSError as error:
         if what == "image" and isinstance(error, IsADirectoryError):
             raise image_is_folder(path) from error
-        raise RefusedError(f"{code}-unreadable", f"{what} {path} cannot be read ({error}).", "Give a file.") from error
+        remedy = "Give a file that may be read; save what comes from a pipe as a file first."
+        raise RefusedError(f"{code}-unreadable", f"{what} {path} cannot be read: {error.strerror}.", remedy) from error
+
+
+def refuse_what_is_no_text(request: Request) -> None:
+    """Raises RefusedError for a path with bytes that are no UTF-8: neither products nor Prefect could say them."""
+    named = {"image": request.image, "store": request.store, "pose file": request.pose_file, "mask": request.mask}
+    named |= {"base map": request.basemap, "shape model": request.shape, "resumed product": request.resume}
+    named |= {"camera file": Path(request.camera) if request.camera else None, "cache": request.cache}
+    named |= {f"kernel {number}": path for number, path in enumerate(request.kernel_paths, 1)}
+    for what, path in named.items():
+        if path is not None and not is_text(path):
+            fault = f"the path of the {what}, {shown_path(path)}, is no UTF-8 text."
+            raise RefusedError("name-not-text", fault, "Rename the file or folder, or make a link of another name.")
 
 
 def camera_inputs(request: Request) -> Any:
@@ -114,9 +147,14 @@ def _digest_of_toml(folder: Path) -> str:
     return sha256_of_json({path.name: sha256_of_file(path) for path in sorted(folder.glob("*.toml"))})
 
 
-def kernel_inputs(paths: list[Path]) -> list[list[str]]:
-    """Name and content hash of every kernel offered, in the order of loading; of a meta-kernel also its members."""
-    return [[kernel.path.name, kernel.sha256] for kernel in list_kernels(paths)]
+def kernels_offered(paths: list[Path]) -> list[Kernel]:
+    """Every kernel offered, in the order of loading; of a meta-kernel also its members."""
+    return list_kernels(paths)
+
+
+def kernel_inputs(kernels: list[Kernel]) -> list[list[str]]:
+    """Name and content hash of kernels."""
+    return [[kernel.path.name, kernel.sha256] for kernel in kernels]
 
 
 def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError
+from catalog.plain_text import printable, shown_path
 from catalog.settings import ways_out_of
 from flows.chain import Chain
 from flows.guidance import guidance_of, overruled_of
@@ -16,6 +17,7 @@ from tasks.atomic import without_temporaries
 
 EMPTY: dict[str, Any] = {
     "product": None,
+    "image": None,
     "status": None,
     "reason": None,
     "camera": None,
@@ -57,9 +59,14 @@ EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
 
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     """The object of a chain that came to its end, or was ended by `error`."""
-    profile = chain.request.profile
-    result = EMPTY | {"product": chain.request.product, "profile": profile.name, "profile_origin": origin_of(profile)}
-    result["guidance"] = guidance_of(chain.request) | overruled_of(chain.result("ingest"))
+    request = chain.request
+    result = EMPTY | {
+        "product": request.product,
+        "image": shown_path(request.image),
+        "profile": request.profile.name,
+        "profile_origin": profile_origin(request.profile),
+    }
+    result["guidance"] = guidance_of(request) | overruled_of(chain.result("ingest"))
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
@@ -67,7 +74,7 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     return result | {"seconds": seconds, "cached": list(chain.cached)}
 
 
-def origin_of(profile: Profile) -> dict[str, Any] | None:
+def profile_origin(profile: Profile) -> dict[str, Any] | None:
     """What a user's profile builds on and changes, as plain JSON; None for those that come with the program."""
     return profile.origin.model_dump(mode="json") if profile.origin else None
 
@@ -80,7 +87,10 @@ def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
         return {"status": error.status, "reason": error.reason}
     if isinstance(error, OSError):
         return {"status": "failed", "reason": file_trouble(error)}
-    return {"status": "failed", "reason": f"bug: {type(error).__name__}: {error}. Please report it with the log."}
+    return {
+        "status": "failed",
+        "reason": f"bug: {type(error).__name__}: {printable(str(error))}. Please report it with the log.",
+    }
 
 
 def file_trouble(error: OSError) -> str:
@@ -91,7 +101,7 @@ def file_trouble(error: OSError) -> str:
         return f"file-trouble: {without_temporaries(str(error))}. {remedy}"
     forbidden = isinstance(error, PermissionError) or error.errno == EROFS
     remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
-    return f"file-trouble: {without_temporaries(str(error))}. {remedy}."
+    return f"file-trouble: {printable(without_temporaries(str(error)))}. {remedy}."
 
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:

@@ -2,11 +2,12 @@
 
 import logging
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
-from catalog.errors import PlanetposeError, RefusedError
+from catalog.errors import PlanetposeError
 from flows.chain import Chain, only_cached
-from flows.plan import answer_from_cache, twins
+from flows.plan import answer_from_cache, product_twice, twins
 from flows.prefect_settings import prepare, server_at_hand, server_is_lost
 from flows.progress import Reporter
 from flows.request import Request
@@ -43,11 +44,23 @@ class InOrder:
         return [result for result in self._slots if result is not None]
 
 
-def run_requests(requests: list[Request], server: str, workers: int, reporter: Reporter, tell: Tell) -> list[Result]:
+RunRest = Callable[[list[Request], InOrder, list[int]], None]
+
+
+def run_requests(
+    requests: list[Request],
+    server: str,
+    workers: int,
+    reporter: Reporter,
+    tell: Tell,
+    run_rest: RunRest | None = None,
+) -> list[Result]:
     """Results of `requests` in their order; each is told as soon as it and those before it are known.
 
-    server: see `flows.prefect_settings`. Whatever happens, every request gets a result.
+    server: see `flows.prefect_settings`. run_rest: does what the cache cannot answer, in place of the flow. Whatever
+    happens, every request gets a result.
     """
+    run_rest = run_rest or partial(run_with_prefect, server=server, workers=workers, reporter=reporter)
     ordered = InOrder(len(requests), tell)
     refused = twins(requests)
     for position, request in enumerate(requests):
@@ -58,7 +71,7 @@ def run_requests(requests: list[Request], server: str, workers: int, reporter: R
     pending = ordered.missing
     if pending:
         try:
-            run_with_prefect([requests[i] for i in pending], server, workers, reporter, ordered, pending)
+            run_rest([requests[i] for i in pending], ordered, pending)
         except Exception as error:  # server lost or not to be started: every image still gets its result
             explained = isinstance(error, (ServerError, PlanetposeError, OSError)) or server_is_lost()
             logger.error("the flow ended by %s: %s", type(error).__name__, error, exc_info=not explained)
@@ -69,8 +82,7 @@ def run_requests(requests: list[Request], server: str, workers: int, reporter: R
 
 def refuse_twin(request: Request, fault: str) -> Result:
     """The result of an image that would overwrite another one of the same command."""
-    error = RefusedError("product-twice", f"{fault}.", "Use another --store for one of them.")
-    return result_of(Chain(request, only_cached), error)
+    return result_of(Chain(request, only_cached), product_twice(fault))
 
 
 def orchestration_failed(request: Request, error: Exception) -> Result:
@@ -85,7 +97,7 @@ def orchestration_failed(request: Request, error: Exception) -> Result:
 
 
 def run_with_prefect(
-    requests: list[Request], server: str, workers: int, reporter: Reporter, ordered: InOrder, positions: list[int]
+    requests: list[Request], ordered: InOrder, positions: list[int], server: str, workers: int, reporter: Reporter
 ) -> None:
     """Run the flow `correct` in this process and put its results at `positions`."""
     prepare(server)

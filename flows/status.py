@@ -33,7 +33,8 @@ def status_of(store: Path, plan: bool = True) -> Status:
     outcomes = list(all_outcomes(books))
     runs = latest_runs(books)
     remembered = {outcome.product for outcome in outcomes}
-    not_published = {outcome.product for outcome in outcomes if outcome.status not in PUBLISHED}
+    published = {outcome.product for outcome in outcomes if outcome.status in PUBLISHED}
+    not_published = {outcome.product for outcome in outcomes} - published
     there = products_in(store)
     return {
         "store": str(store),

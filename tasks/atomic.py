@@ -42,7 +42,16 @@ def folder_put_in_place(folder: Path, keep: Callable[[], bool] | None = None) ->
         _put_in_place(temporary, folder, keep)
         _flush_names(folder.parent)
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        _remove(temporary)
+
+
+def _remove(path: Path) -> None:
+    """Delete a folder or file; of a link the link alone. What cannot be deleted stays."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -151,17 +160,14 @@ def _exchange_in_two_steps(temporary: Path, folder: Path) -> None:
         if not folder.is_dir():
             raise
     finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        _remove(aside)
 
 
 def sweep_temporaries(parent: Path) -> None:
     """Delete what killed writers left in `parent`: those of this machine at once, of others after a day."""
     for path in parent.glob(f".*{TEMPORARY_SUFFIX}"):
         if _is_abandoned(path):
-            if path.is_dir():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                path.unlink(missing_ok=True)
+            _remove(path)
 
 
 def _is_abandoned(path: Path) -> bool:

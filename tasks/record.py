@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from catalog.regular_file import read_regular_text
+
 RECORD_FILE = "record.json"
 
 
@@ -28,7 +30,7 @@ class Record:
 
 def record_in(folder: Path) -> Record:
     """The record in `folder`. Raises OSError, ValueError or TypeError when there is none, or none that is whole."""
-    return Record(**json.loads((folder / RECORD_FILE).read_text(encoding="utf-8")))
+    return Record(**json.loads(read_regular_text(folder / RECORD_FILE)))
 
 
 def read_record(folder: Path, key: str) -> Record | None:
@@ -40,10 +42,10 @@ def read_record(folder: Path, key: str) -> Record | None:
     return record if record.key == key else None
 
 
-def write_record(folder: Path, record: Record) -> None:
+def write_record(folder: Path, record: Record, name: str = RECORD_FILE) -> None:
     """Write `record` into `folder`. Raises TypeError or ValueError when its result is not plain, finite JSON."""
     text = json.dumps(asdict(record), indent=1, allow_nan=False)
-    (folder / RECORD_FILE).write_text(text + "\n", encoding="utf-8")
+    (folder / name).write_text(text + "\n", encoding="utf-8")
 
 
 def size_bytes(folder: Path) -> int:

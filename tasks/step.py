@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from catalog.digest import sha256_of_json
+from catalog.digest import refuse_changed, sha256_of_json
 from catalog.times import now_utc
 from tasks.atomic import folder_put_in_place
 from tasks.code_version import code_version
@@ -25,7 +25,8 @@ class Step:
 
     name: unique in the chain (`point-2`). body: module whose `run(work: Work) -> dict` does it and returns plain JSON.
     inputs: plain JSON, all that the result depends on. places: paths, not part of the key. destination: None, or the
-    folder that the step publishes (it then is the step's folder, instead of one in the cache).
+    folder that the step publishes (it then is the step's folder, instead of one in the cache). files: path and digest
+    of files that the body reads, whose content is part of `inputs`.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Step:
     inputs: dict[str, Any] = field(default_factory=dict)
     places: dict[str, Any] = field(default_factory=dict)
     destination: Path | None = None
+    files: tuple[tuple[Path, str], ...] = ()
 
     @property
     def code(self) -> str:
@@ -65,17 +67,28 @@ class Step:
         """The finished step's record, or None."""
         return read_record(self.folder, self.key)
 
+    def check_place(self) -> None:
+        """Raises RefusedError when what is at the step's place now may not be replaced."""
+
+    def is_done(self) -> bool:
+        """Whether what is at the step's place now is the finished step. Raises RefusedError as `check_place`."""
+        self.check_place()
+        return self.record() is not None
+
 
 def run(step: Step, progress: Progress) -> Record:
-    """The step's record; runs its body only when there is none. Raises what the body raises, leaving nothing behind."""
+    """The step's record; runs its body only when there is none. Raises what the body raises, leaving nothing behind,
+    and RefusedError when one of the step's files changed meanwhile: the result would be kept under the old content."""
     finished = step.record()
     if finished:
         return finished
     # A folder without a readable record is damaged, and one with another key is an older product: both are exchanged.
     # Who comes second with the same key throws his own away: both hold the same result.
-    with folder_put_in_place(step.folder, keep=lambda: step.record() is not None) as folder:
+    with folder_put_in_place(step.folder, keep=step.is_done) as folder:
         started = time.perf_counter()
         result = import_module(step.body).run(Work(step.inputs, step.places, folder, progress))
+        for path, digest in step.files:
+            refuse_changed(path, digest, "file")
         seconds = round(time.perf_counter() - started, 4)
         record = Record(step.name, step.key, step.code, step.inputs, result, seconds, now_utc())
         write_record(folder, record)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap, read_map, uniform_map
 from catalog.camera import Camera, camera_from_dict
+from catalog.digest import input_changed
 from catalog.observation import Frame, Observation
 from catalog.pose import Pose
 from catalog.readers import read_frame
@@ -66,8 +67,11 @@ def frame_of(work: Work) -> Frame:
 
 
 @lru_cache(maxsize=IMAGES_IN_MEMORY)
-def _frame(path: Path, sha256: str, camera: str | None, target: str | None) -> Frame:  # noqa: ARG001 - sha256 is a key
-    return read_frame(path, camera, target)
+def _frame(path: Path, sha256: str, camera: str | None, target: str | None) -> Frame:
+    frame = read_frame(path, camera, target)
+    if frame.sha256 != sha256:
+        raise input_changed(f"image {path}")
+    return frame
 
 
 def given_target_of(work: Work) -> Target | None:
@@ -98,8 +102,11 @@ def scene_of(work: Work) -> Scene:
 
 
 @lru_cache(maxsize=IMAGES_IN_MEMORY)
-def _basemap(path: str | None, sha256: str, left_edge_deg: float) -> BaseMap:  # noqa: ARG001 - sha256 is a key
-    return read_map(Path(path), left_edge_deg) if path else uniform_map()
+def _basemap(path: str | None, sha256: str, left_edge_deg: float) -> BaseMap:
+    basemap = read_map(Path(path), left_edge_deg) if path else uniform_map()
+    if basemap.sha256 != sha256:
+        raise input_changed(f"base map {path}")
+    return basemap
 
 
 def pose_in(folder: Path) -> Pose:

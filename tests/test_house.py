@@ -19,7 +19,7 @@ LONGEST_MODULE = 300
 KNOWS_PREFECT = {"tasks/prefect_task.py"}
 KNOWS_ZARR = ("tasks/publish/", "tasks/stored.py")
 # where one image's trouble must not stop the others
-BOUNDARIES = {"flows/correct.py", "flows/run.py", "flows/reprocessing/worker.py", "flows/reprocessing/command.py"}
+BOUNDARIES = {"flows/boundary.py", "flows/correct.py", "flows/run.py", "flows/reprocessing/command.py"}
 
 
 def name_of(path: Path) -> str:

@@ -14,6 +14,7 @@ from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.exposure_time import Place, claim, exposure_time
 from catalog.readers.label_values import number, text
 from catalog.readers.names import camera_of_names, instrument_names, sole_target, targets_of_label
+from catalog.regular_file import is_regular, open_regular, read_regular
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
 
@@ -80,10 +81,10 @@ def unusable(path: Path, fault: str, remedy: str = "Fetch label and table again.
 
 
 def _parsed(path: Path) -> Any:
-    if not path.is_file() or path.stat().st_size > LONGER * MAX_LABEL_BYTES:
+    if not is_regular(path) or path.stat().st_size > LONGER * MAX_LABEL_BYTES:
         raise unusable(path, "there is no label of a sane size", "Check the path.")
     try:
-        return load_pvl(path.read_bytes().decode("latin-1"), LONGER)
+        return load_pvl(read_regular(path).decode("latin-1"), LONGER)
     except ValueError as error:
         raise unusable(path, str(error)) from error
 
@@ -91,14 +92,14 @@ def _parsed(path: Path) -> Any:
 def _beside(label: Path, name: str) -> Path:
     """The table, by its bare name whatever its case."""
     for path in sorted(label.parent.iterdir()):
-        if path.name.casefold() == name.casefold() and path.is_file():
+        if path.name.casefold() == name.casefold() and is_regular(path):
             return path
     raise unusable(label, f"its table {name!r} is not beside it")
 
 
 def index_rows(index: Index) -> Iterator[tuple[str, Row]]:
     """Every row as stripped text by column, with its place. Raises RefusedError when the table is cut short."""
-    with index.table.open("rb") as file:
+    with open_regular(index.table) as file:
         line = 0
         while raw := file.read(index.row_bytes):
             line += 1

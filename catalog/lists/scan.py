@@ -8,6 +8,7 @@ from pathlib import Path
 from catalog.errors import RefusedError
 from catalog.lists.location import ARCHIVE, URL
 from catalog.lists.tables import Row
+from catalog.regular_file import NotRegularError, is_regular, open_regular
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
 
@@ -51,10 +52,11 @@ def looks_like_an_image(path: Path) -> bool:
     from catalog.readers import READERS
     from catalog.readers.reading import HEAD_BYTES
 
-    if not path.is_file():
+    try:
+        with open_regular(path) as file:
+            head = file.read(HEAD_BYTES)
+    except NotRegularError:
         return False
-    with path.open("rb") as file:
-        head = file.read(HEAD_BYTES)
     return any(reader.recognises(head, path) for reader in READERS)
 
 
@@ -64,7 +66,7 @@ def row_of_file(path: Path, relative_to: Path) -> Row:
 
     frame = read_frame(path)
     beside = (path.with_suffix(suffix) for suffix in LABEL_SUFFIXES if path.suffix != suffix)
-    label = next((candidate for candidate in beside if candidate.is_file()), None)
+    label = next((candidate for candidate in beside if is_regular(candidate)), None)
     found = {
         "product": safe_product_name(path.stem),
         "image": _relative(path, relative_to),

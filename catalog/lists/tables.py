@@ -11,6 +11,7 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.regular_file import check_regular, read_regular, read_regular_text
 
 Row = dict[str, Any]
 SUFFIXES = (".csv", ".toml", ".parquet")
@@ -35,14 +36,16 @@ def read_table(path: Path) -> tuple[Row, list[tuple[str, Row]]]:
 
 
 def _check(path: Path) -> None:
-    if not path.is_file():
-        raise RefusedError(
-            "list-missing", f"image list {path} does not exist.", "`planetpose catalog list` names some."
-        )
     if path.suffix.lower() not in SUFFIXES:
         raise invalid(path, f"its name ends in {path.suffix!r}", f"Lists end in {', '.join(SUFFIXES)}.")
-    if path.stat().st_size > MAX_FILE_BYTES:
-        raise invalid(path, f"it has {path.stat().st_size} bytes", f"Lists up to {MAX_FILE_BYTES} bytes are read.")
+    try:
+        check_regular(path, MAX_FILE_BYTES)
+    except FileNotFoundError as error:
+        raise RefusedError(
+            "list-missing", f"image list {path} does not exist.", "`planetpose catalog list` names some."
+        ) from error
+    except OSError as error:
+        raise invalid(path, f"it cannot be read ({error.strerror})", "Save it as a file and give that.") from error
 
 
 def invalid(path: Path, fault: str, remedy: str = "Correct the file.") -> RefusedError:
@@ -51,7 +54,7 @@ def invalid(path: Path, fault: str, remedy: str = "Correct the file.") -> Refuse
 
 
 def _csv_rows(path: Path) -> list[tuple[str, Row]]:
-    text = path.read_bytes().decode("utf-8-sig")
+    text = read_regular_text(path, MAX_FILE_BYTES, "utf-8-sig")
     lines = csv.reader(io.StringIO(text, newline=""), strict=True)
     header = [name.strip() for name in next(lines, [])]
     if not header or len(set(header)) != len(header) or "" in header:
@@ -81,7 +84,7 @@ def _parquet_rows(path: Path) -> list[tuple[str, Row]]:
     import pyarrow.parquet
 
     try:
-        rows = pyarrow.parquet.read_table(path).to_pylist()
+        rows = pyarrow.parquet.read_table(io.BytesIO(read_regular(path, MAX_FILE_BYTES))).to_pylist()
     except pyarrow.ArrowException as error:
         raise invalid(path, f"it cannot be read as Parquet ({error})", "Write it again, or save it as CSV.") from error
     kept = [{k: v for k, v in row.items() if v is not None and v != ""} for row in rows]

@@ -14,6 +14,7 @@ from catalog.readers.picture import PictureReader
 from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
 from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
+from catalog.regular_file import TooLargeError, open_regular
 
 READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader())
 
@@ -50,16 +51,13 @@ def _head(path: Path) -> bytes:
     try:
         if path.is_dir():
             raise image_is_folder(path)
-        if not path.exists():
-            raise RefusedError("image-missing", f"image {path} does not exist.", remedy)
-        if not path.is_file():
-            raise RefusedError("image-unreadable", f"image {path} is no regular file.", remedy)
-        if path.stat().st_size > MAX_FILE_BYTES:
-            fault = f"image {path} has {path.stat().st_size} bytes, more than {MAX_FILE_BYTES}."
-            raise RefusedError("image-too-large", fault, "Give a single frame.")
-        with path.open("rb") as file:
+        with open_regular(path, MAX_FILE_BYTES) as file:
             return file.read(HEAD_BYTES)
-    except (OSError, ValueError) as error:
+    except FileNotFoundError as error:
+        raise RefusedError("image-missing", f"image {path} does not exist.", remedy) from error
+    except TooLargeError as error:
+        raise RefusedError("image-too-large", f"image {path}: {error.strerror}.", "Give a single frame.") from error
+    except OSError as error:
         raise RefusedError("image-unreadable", f"image {path} cannot be opened ({error}).", remedy) from error
 
 

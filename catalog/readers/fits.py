@@ -24,6 +24,7 @@ from catalog.readers.fits_time import exposure_s, fits_exposure_time
 from catalog.readers.label_values import plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading, checked_shape, unreadable
+from catalog.regular_file import open_regular
 
 MAX_HEADER_BYTES = 2_000_000
 MAX_HDUS = 100
@@ -66,13 +67,13 @@ class FitsContents:
 def _contents(path: Path) -> FitsContents:
     from astropy.io import fits
 
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         if b"END" + b" " * 77 not in file.read(MAX_HEADER_BYTES):
             raise unreadable(path, "its FITS header has no END card")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            with fits.open(path, memmap=False, lazy_load_hdus=True) as hdus:
+            with open_regular(path) as file, fits.open(file, memmap=False, lazy_load_hdus=True) as hdus:
                 return _images(path, hdus)
     except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, fits.VerifyError) as error:
         raise unreadable(path, f"no sound FITS file ({error})") from error

@@ -14,6 +14,7 @@ from catalog.readers.label_values import number, plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.pds3_label import parse_label
 from catalog.readers.reading import Reading, unreadable
+from catalog.regular_file import read_regular
 
 MAX_FILE_BYTES = 10_000_000
 MAX_RECORDS = 10_000
@@ -58,7 +59,7 @@ def _records(path: Path) -> list[bytes]:
     size = path.stat().st_size
     if size > MAX_FILE_BYTES:
         raise unreadable(path, f"{size} bytes are too many for a compressed Voyager image")
-    content = path.read_bytes()
+    content = read_regular(path, MAX_FILE_BYTES)
     records: list[bytes] = []
     offset = 0
     while offset + 2 <= size:

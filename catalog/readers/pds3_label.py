@@ -6,6 +6,7 @@ from typing import Any
 
 from catalog.detached import label_beside
 from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
+from catalog.regular_file import read_regular
 
 
 def detached_label(path: Path) -> dict[str, Any]:
@@ -17,7 +18,7 @@ def detached_label(path: Path) -> dict[str, Any]:
     if beside is None or beside.stat().st_size > MAX_LABEL_BYTES:
         return {}
     try:
-        return parse_label(beside.read_bytes().decode("latin-1"))
+        return parse_label(read_regular(beside, MAX_LABEL_BYTES).decode("latin-1"))
     except ValueError as error:
         return {"PDS_LABEL_FAULT": f"{beside.name}: {error}"}
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.regular_file import open_regular
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 MAX_CHUNKS, CHUNK_FRAME_BYTES = 50_000, 12
@@ -35,7 +36,7 @@ class PictureReader:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 _check_chunks_of_png(path)
-                with Image.open(path, formats=("PNG",)) as picture:
+                with open_regular(path) as file, Image.open(file, formats=("PNG",)) as picture:
                     pixels = _grey_pixels(path, picture)
         except Image.DecompressionBombError as error:
             remedy = f"Frames up to {MAX_PIXELS} pixels are read; cut the picture."
@@ -76,7 +77,7 @@ def _has_second_page(picture: Any) -> bool:
 def _check_chunks_of_png(path: Path) -> None:
     """Refuse a PNG of more pieces than any picture has, before they are looked at one by one."""
     size, place = path.stat().st_size, len(PNG_MAGIC)
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         if file.read(place) != PNG_MAGIC:
             return
         for _ in range(MAX_CHUNKS):

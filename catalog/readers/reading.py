@@ -11,6 +11,7 @@ from catalog.errors import RefusedError
 from catalog.pose import PartialPose
 from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
 from catalog.readers.names import sole_target
+from catalog.regular_file import open_regular
 
 MAX_SIDE_PX = 20_000
 MAX_PIXELS = 30_000_000
@@ -87,6 +88,6 @@ def bytes_at(path: Path, offset: int, count: int, what: str) -> bytes:
     size = path.stat().st_size
     if offset < 0 or count < 0 or offset + count > size:
         raise unreadable(path, f"truncated: {what} should reach byte {offset + count}, the file has {size}")
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         file.seek(offset)
         return file.read(count)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers.reading import Reading, checked_shape, unreadable
+from catalog.regular_file import read_regular
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 REMEDY_GREY = "Give one grey channel: whole numbers of up to 32 bits or floats, for example by `gdal_translate -b 1`."
@@ -43,7 +44,7 @@ class TiffReader:
         from rasterio.errors import RasterioError
         from rasterio.io import MemoryFile
 
-        content = path.read_bytes()  # from memory: GDAL neither sees the path's syntax nor the files beside it
+        content = read_regular(path)  # from memory: GDAL neither sees the path's syntax nor the files beside it
         tags = _first_directory(path, content)
         try:
             with warnings.catch_warnings():

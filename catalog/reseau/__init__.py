@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.regular_file import read_regular_text
 
 RESEAU_FOLDER = Path(__file__).parent
 COLUMNS = ["index", "raw_line", "raw_sample", "object_line", "object_sample"]
@@ -66,7 +67,7 @@ def read_reseau_table(path: Path) -> ReseauTable:
     """
     remedy = f"A reseau table is tab-separated with the columns {', '.join(COLUMNS)}."
     try:
-        lines = [line for line in path.read_text().splitlines() if line.strip() and not line.startswith("#")]
+        lines = [line for line in read_regular_text(path).splitlines() if line.strip() and not line.startswith("#")]
         if not lines:
             raise ValueError("it is empty")
         values = np.array([line.split("\t") for line in lines[1:]], dtype=np.float64)

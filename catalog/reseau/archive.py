@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.regular_file import read_regular
 from catalog.reseau import ReseauTable
 
 SAME_MARK_PX = 1.0
@@ -55,7 +56,7 @@ def read_tiepoints(path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]
 def _rows(path: Path) -> NDArray[np.float64]:
     """Rows (n, 2 or 4) of lines and samples, 1-based."""
     try:
-        content = path.read_bytes()
+        content = read_regular(path)
     except OSError as error:
         raise _refused(path, f"it cannot be read ({error})") from error
     if len(content) > MAX_TABLE_BYTES:

@@ -23,6 +23,7 @@ PUT_TOGETHER = {
         "reseau-table-missing",
     ),
     "f'{code}-unreadable'": ("image-unreadable", "pose-file-unreadable", "base-map-unreadable", "mask-unreadable"),
+    "f'{code}-too-large'": ("image-too-large", "pose-file-too-large", "base-map-too-large", "mask-too-large"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
     "error.code": (),  # the same error once more, with other words: explained where it was raised first
 }

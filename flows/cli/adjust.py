@@ -18,9 +18,12 @@ def adjust(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
+    import sys
+
     from flows.adjust import adjust_store
     from flows.cli.output import clean_stdout, write_json
     from tasks.adjust import AdjustSettings
+    from tasks.adjust.measurement import NOT_JOINT
     from tasks.adjust.table import adjustment_table
 
     with clean_stdout() as answer:
@@ -29,3 +32,5 @@ def adjust(
             write_json(answer, report)
         else:
             print(adjustment_table(report), file=answer)
+    if any(not each["reason"].startswith(NOT_JOINT) for each in report["left_out"]):
+        sys.exit(1)

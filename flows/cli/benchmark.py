@@ -1,11 +1,11 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|faults|reprocess|deploy|throughput"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|faults|reprocess|deploy|throughput"""
 
 from typing import Annotated
 
 import typer
 
 from flows.cli.faults import faults, reprocess
-from flows.cli.fuzz import fuzz
+from flows.cli.fuzz import batches, fuzz
 from flows.cli.rehearsal import deploy, throughput
 
 
@@ -18,6 +18,7 @@ def register(app: typer.Typer) -> None:
     group.command()(steps)
     group.command()(index)
     group.command()(fuzz)
+    group.command()(batches)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)

@@ -26,6 +26,7 @@ def check(
     """Check published products: checksums, schema, values, provenance, and geometry against their own pose."""
     import sys
 
+    from catalog.plain_text import printable
     from flows.cli.output import clean_stdout, write_json
 
     sound, count = 0, 0
@@ -34,7 +35,15 @@ def check(
             count, sound = count + 1, sound + (not faults)
             if json:
                 named = [{"kind": fault.kind, "fault": fault.text} for fault in faults]
-                write_json(answer, {"product": Path(folder).name, "path": folder, "sound": not faults, "faults": named})
+                write_json(
+                    answer,
+                    {
+                        "product": printable(Path(folder).name),
+                        "path": printable(folder),
+                        "sound": not faults,
+                        "faults": named,
+                    },
+                )
                 continue
             for fault in faults:
                 print(f"{folder}: {fault}", file=answer)
@@ -49,13 +58,23 @@ def each_checked(paths: list[str]) -> "Iterator[tuple[str, list[Fault]]]":
     """Every product's place and faults; one in an object store is copied here for as long as that takes."""
     from tasks.objectstore.location import is_url, open_object_store
     from tasks.objectstore.reading import local_copy, whole_products
-    from tasks.publish.check import product_faults, products_in
+    from tasks.publish.check import products_in
 
     for path in paths:
         if not is_url(path):
-            yield from ((str(folder), product_faults(folder)) for folder in products_in(Path(path)))
+            yield from ((str(folder), faults_in(folder)) for folder in products_in(Path(path)))
             continue
         store = open_object_store(path)
         for product in whole_products(store):
             with local_copy(store, product) as folder:
-                yield f"{store.url}/{product}", product_faults(folder)
+                yield f"{store.url}/{product}", faults_in(folder)
+
+
+def faults_in(folder: Path) -> "list[Fault]":
+    """Faults of one product; one that cannot be looked at has that as its fault."""
+    from flows.boundary import reason_of, trouble_of
+    from tasks.publish.check import Fault, product_faults
+
+    faults: list[Fault] = []
+    error = trouble_of(lambda: faults.extend(product_faults(folder)), folder.name)
+    return faults if error is None else [Fault("file", f"the product cannot be checked: {reason_of(error)}")]

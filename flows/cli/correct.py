@@ -29,6 +29,10 @@ def correct(
     files: Files,
     store: Annotated[str, typer.Option(help="Folder that products are published in, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
+    product: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="Name of the product instead of the file's; once for each file."),
+    ] = None,
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
     target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
@@ -65,10 +69,12 @@ def correct(
 
     chosen = holding(usable_profile(profile, max_passes, quiet), hold)
     usable_kernels(kernels or [])
+    names = product_names(files, product or [])
     offset_px, place = two_numbers(start_offset), writable(store)
     requests = [
         Request(
             image=file,
+            product=name,
             store=place.store,
             publish_to=place.publish_to,
             camera=camera,
@@ -83,7 +89,7 @@ def correct(
             mask=mask,
             resume=resume,
         )
-        for file in files
+        for file, name in zip(files, names, strict=True)
     ]
     log_to_stderr()
 
@@ -106,6 +112,22 @@ def correct(
     if not quiet and (len(results) > 1 or results[0]["status"] == "doubtful"):
         print(tally(results), file=sys.stderr)
     end_process(exit_status(results))
+
+
+def product_names(files: list[Path], given: list[str]) -> list[str]:
+    """Names of the files' products, those given or those of the files; too few, or no names of folders, are wrong
+    usage."""
+    from catalog.safe_name import is_safe_product_name, safe_product_name
+
+    if not given:
+        return [safe_product_name(file.stem) for file in files]
+    if len(given) != len(files):
+        raise typer.BadParameter(f"{len(given)} names for {len(files)} files", param_hint="--product")
+    for name in given:
+        if not is_safe_product_name(name):
+            fault = f"{name!r} is no name for a folder in a store; {safe_product_name(name)!r} would be"
+            raise typer.BadParameter(fault, param_hint="--product")
+    return given
 
 
 def writable(store: str) -> "Place":

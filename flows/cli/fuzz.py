@@ -1,4 +1,4 @@
-"""planetpose benchmark fuzz"""
+"""planetpose benchmark fuzz|batches"""
 
 import sys
 from pathlib import Path
@@ -37,3 +37,22 @@ def fuzz(
         elif verdicts:
             print(f"corrected: {dict(verdicts.counts)}; ok ones within {verdicts.furthest_px:.2f} px", file=answer)
     raise typer.Exit(1 if findings.bad or (verdicts and verdicts.wrong) else 0)
+
+
+def batches(
+    count: Annotated[int, typer.Option(min=1, help="Batches, each with two good images and one that spoils it.")] = 300,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed: other damage at other moments.")] = 1,
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+) -> None:
+    """Correct batches with one bad image each (name, rights, pipe, bomb, exchanged while it is read ...), and count
+    what is lost, hangs, or ends without a reason that names the file and a remedy."""
+    from flows.cli.output import clean_stdout, write_json
+    from flows.fuzz.batches import spoil_batches, table
+
+    with clean_stdout() as answer:
+        found = spoil_batches(range(count), seed, lambda number: print(f"  {number + 1}/{count}", file=sys.stderr))
+        if json:
+            write_json(answer, found.to_dict())
+        else:
+            print(table(found), file=answer)
+    raise typer.Exit(1 if found.bad else 0)

@@ -27,7 +27,7 @@ def kernels(
     """Write corrected SPICE kernels: camera orientation, spacecraft position, target attitude, meta-kernels."""
     import sys
 
-    from catalog.errors import RefusedError
+    from catalog.plain_text import printable
     from catalog.settings import default_kernels
     from flows.cli.correct import usable_kernels
     from flows.cli.output import clean_stdout, write_json
@@ -37,9 +37,9 @@ def kernels(
     given = [] if no_kernels else list(kernels) if kernels else default_kernels()
     damaged: list[Path] = []
 
-    def refused(product: Path, error: RefusedError) -> None:
+    def refused(product: Path, reason: str) -> None:
         damaged.append(product)
-        print(f"{product.name}: left out: {error.reason}", file=sys.stderr)
+        print(f"{printable(product.name)}: left out: {reason}", file=sys.stderr)
 
     with clean_stdout() as answer:
         for kernel_set in kernels_of(paths, out, given, per_image, check, refused):

@@ -14,7 +14,7 @@ def clean_stdout() -> Iterator[TextIO]:
     """Yield a stream to the real stdout; within the `with` block whatever else is printed, by C libraries too, goes to
     stderr."""
     sys.stdout.flush()
-    answer = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    answer = os.fdopen(os.dup(1), "w", encoding="utf-8", errors="backslashreplace")
     os.dup2(2, 1)
     try:
         yield answer

@@ -78,7 +78,9 @@ def photometry(
                 print(f"  {each['name']:20} {each['value']:.5g} {sigma} {each['unit']}".rstrip(), file=answer)
         if not json:
             print("\n".join(str(path) for path in paths), file=answer)
-    sys.exit(1 if any(result.fit is None for result in results) else 0)
+        for product, reason in dict(pair for result in results for pair in result.left_out).items():
+            print(f"{product}: left out: {reason}", file=sys.stderr)
+    sys.exit(1 if any(result.fit is None or result.left_out for result in results) else 0)
 
 
 def held_values(given: list[str]) -> dict[str, float]:

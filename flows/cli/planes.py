@@ -21,11 +21,16 @@ def planes(
 ) -> None:
     """Add planes that cubes do not hold, in planes.zarr beside the cube: azimuths, local time, sky, limb
     distance, parts of the uncertainty."""
+    import sys
+    from functools import partial
+
     from catalog.errors import RefusedError
+    from catalog.plain_text import printable
+    from flows.boundary import reason_of, trouble_of
     from flows.cli.output import clean_stdout, write_json
     from tasks.project.more_planes import ADDED_PLANES, planes_named
     from tasks.publish.check import products_in
-    from tasks.publish.extra_planes import write_extra_planes
+    from tasks.publish.extra_planes import EXTRA, write_extra_planes
 
     if list_:
         for name, plane in ADDED_PLANES.items():
@@ -37,10 +42,17 @@ def planes(
         names = planes_named(add)
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--add") from error
+    broken = 0
     with clean_stdout() as answer:
         for folder in [product for path in paths or () for product in products_in(path)]:
-            written = write_extra_planes(folder, names)
+            trouble = trouble_of(partial(write_extra_planes, folder, names), folder.name)
+            product, reason = printable(folder.name), reason_of(trouble) if trouble else None
+            broken += reason is not None
             if json:
-                write_json(answer, {"product": folder.name, "planes": list(names), "path": str(written)})
+                path = None if reason else str(folder / EXTRA)
+                told = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
+                write_json(answer, told)
             else:
-                print(written, file=answer, flush=True)
+                print(f"{product}: {reason}" if reason else folder / EXTRA, file=answer, flush=True)
+    if broken:
+        sys.exit(1)

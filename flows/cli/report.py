@@ -39,4 +39,8 @@ def report(
         )
         for name, why in written.missing.items():
             print(f"{name}: not drawn: {why}", file=sys.stderr)
+        for name, why in written.broken.items():
+            print(f"{name}: {why}", file=sys.stderr)
         print(written.page, file=answer)
+    if written.missing or written.broken:
+        sys.exit(1)

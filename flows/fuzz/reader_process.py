@@ -12,7 +12,7 @@ from typing import Any
 from flows.children import our_module
 
 READER = tuple(our_module("flows.fuzz.child"))
-START_TIMEOUT_S = 120.0
+START_TIMEOUT_S = 300.0  # of a busy machine
 SINGLE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
 
 
@@ -32,13 +32,17 @@ class ReaderProcess:
         self._errors.close()
 
     def ask(self, path: Path) -> dict[str, Any]:
+        """The child's answer about a file, as `put`."""
+        return self.put(str(path))
+
+    def put(self, question: Any) -> dict[str, Any]:
         """The child's answer with its seconds; outcome `hang` after the timeout, `crash` when the process ended."""
         process = self._process or self._start()
         started = time.monotonic()
-        line = self._exchange(process, json.dumps(str(path)), self._timeout_s)
+        line = self._exchange(process, json.dumps(question), self._timeout_s)
         seconds = time.monotonic() - started
         if line:
-            return {**json.loads(line), "seconds": seconds}
+            return {"seconds": seconds, **json.loads(line)}
         hung = process.poll() is None and seconds >= self._timeout_s
         self._end()
         return {"outcome": "hang" if hung else "crash", "reason": self._last_words(), "seconds": seconds}

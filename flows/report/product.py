@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError
+from catalog.regular_file import read_regular_text
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 
 Fact = tuple[str, str]
@@ -122,7 +123,7 @@ def _number(value: Any, digits: int) -> str:
 def _text(path: Path) -> str:
     """A JSON file's text; empty when there is none, or no JSON in it."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular_text(path)
         json.loads(text)
     except (OSError, ValueError):
         return ""

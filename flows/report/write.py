@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalog.errors import PlanetposeError
 from catalog.times import now_utc
+from flows.boundary import reason_of, trouble_of
 from flows.report.page import image_page, index_page
 from flows.report.product import ImageEntry, image_entry
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE
 
@@ -24,11 +26,13 @@ KEPT = ("residual", "planes")  # slow to draw: pictures younger than their produ
 
 @dataclass(frozen=True)
 class Report:
-    """page: the index. images: how many have a page; missing: pictures that could not be drawn, and why."""
+    """page: the index. images: how many have a page; missing: pictures that could not be drawn, and why; broken:
+    products that could not be read, and why."""
 
     page: Path
     images: int
     missing: dict[str, str]
+    broken: dict[str, str]
 
 
 def write_report(
@@ -43,9 +47,7 @@ def write_report(
     missing: dict[str, str] = {}
     for row in index.to_dict("records"):
         tell(str(row["product"]))
-        entry = image_entry(Path(store) / row["product"], row)
-        if row["status"] != UNREADABLE:
-            _draw(entry, Path(store), out / PICTURES, kinds)
+        entry = _entry(Path(store) / row["product"], row, out / PICTURES, kinds)
         missing |= {f"{entry.product} {kind}": why for kind, why in entry.missing.items()}
         entries.append(entry)
     head = {"written": now_utc(), "store": Path(store).resolve().name}
@@ -56,7 +58,27 @@ def write_report(
     figures = _distributions(index, out / FIGURES)
     index.drop(columns=["stamp"]).to_csv(out / TABLE, index=False)
     (out / INDEX_PAGE).write_text(index_page(entries, figures, head), encoding="utf-8")
-    return Report(out / INDEX_PAGE, len(entries), missing)
+    broken = {entry.product: entry.reason for entry in entries if entry.status == UNREADABLE}
+    return Report(out / INDEX_PAGE, len(entries), missing, broken)
+
+
+def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[str]) -> ImageEntry:
+    """What is told of one image, its pictures drawn; of a product that is broken, why."""
+
+    broken = ImageEntry(folder.name, row | {"status": UNREADABLE})
+    entries = [broken]
+
+    def tell() -> None:
+        refuse_what_is_elsewhere(folder)
+        entry = image_entry(folder, row)
+        if row["status"] != UNREADABLE:
+            _draw(entry, folder.parent, pictures, kinds)
+        entries.append(entry)
+
+    error = trouble_of(tell, folder.name)
+    if error is not None:
+        broken.row["reason"] = reason_of(error)
+    return entries[-1]
 
 
 def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) -> None:
@@ -64,17 +86,19 @@ def _draw(entry: ImageEntry, store: Path, pictures: Path, kinds: Sequence[str]) 
     from tasks.pictures.thumbnail import write_thumbnail
 
     folder, product = store / entry.product, entry.product
-    try:
+
+    def draw_thumbnail() -> None:
         entry.thumbnail = write_thumbnail(folder, pictures / f"{product}-small.png").name
-    except (PlanetposeError, OSError, ValueError) as error:
-        entry.missing["thumbnail"] = str(error)
-    for kind in kinds:
-        try:
-            entry.pictures += [(path.name, *_told(kind, path.stem)) for path in _drawn(kind, folder, pictures, product)]
-        except PlanetposeError as error:
-            entry.missing[kind] = error.reason
-        except (OSError, KeyError, ValueError) as error:  # a damaged product must not spoil the report of the others
-            entry.missing[kind] = f"{type(error).__name__}: {error}"
+
+    def draw(kind: str) -> None:
+        entry.pictures += [(path.name, *_told(kind, path.stem)) for path in _drawn(kind, folder, pictures, product)]
+
+    drawing: dict[str, Callable[[], None]] = {"thumbnail": draw_thumbnail}
+    drawing |= {kind: partial(draw, kind) for kind in kinds}
+    for kind, work in drawing.items():
+        error = trouble_of(work, product)
+        if error is not None:
+            entry.missing[kind] = reason_of(error)
 
 
 def _drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:

@@ -26,7 +26,7 @@ def run_reprocess(settings: Settings, server: str, telling: Telling) -> Summary:
     run, wanted = begin(settings), 0
     for plan in run.plans():
         wanted += plan.do
-        run.tally.add(plan.last, done=False)
+        run.leave(plan)
     if not wanted:
         return finish(run)
     with telling(wanted) as reporter:

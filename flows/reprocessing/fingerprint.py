@@ -16,7 +16,16 @@ from catalog.errors import PlanetposeError
 from catalog.settings import PROJECT_ROOT
 from flows.guidance import guidance_of, pose_to_resume
 from flows.profile import CORRECTIONS, Profile
-from flows.request import Request, camera_inputs, digest_of, kernel_inputs, target_inputs, target_names_digest
+from flows.request import (
+    Request,
+    camera_inputs,
+    digest_of,
+    kernel_inputs,
+    kernels_offered,
+    target_inputs,
+    target_names_digest,
+)
+from flows.result import file_trouble
 from tasks.code_version import code_version
 
 Fingerprint = dict[str, Any]
@@ -36,7 +45,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
     which the image's own steps will tell."""
     return {
         "image": content(request.image, "image"),
-        "label": content(label_beside(request.image), "label"),
+        "label": told(lambda: content(label_beside(request.image), "label")),
         "camera": told(lambda: sha256_of_json(camera_inputs(request))),
         "target": told(lambda: target_inputs(request)),
         "pose file": content(request.pose_file, "pose file"),
@@ -64,12 +73,14 @@ def told(find: Any) -> Any:
         return find()
     except PlanetposeError as error:
         return f"fault: {error.reason}"
+    except OSError as error:
+        return f"fault: {file_trouble(error)}"
 
 
 @cache
 def kernels_of(paths: tuple[Path, ...]) -> list[list[str]]:
     """Name and digest of every kernel, looked up once per process: all images of a list share a few sets of them."""
-    return kernel_inputs(list(paths))
+    return kernel_inputs(kernels_offered(list(paths)))
 
 
 @cache

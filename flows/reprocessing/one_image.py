@@ -104,7 +104,7 @@ def outcome_of_lost(job: Job, lost: LostError) -> Outcome:
 def known_beforehand(job: Mapping[str, Any], status: str) -> dict[str, Any]:
     """What the job says, and how often it ended like this."""
     request = job["request"]
-    last = read_outcome(Path(request["store"]) / BOOKS, request["product"])
+    last = read_outcome(Path(request["store"]) / BOOKS, request["product"], request["image"])
     same = last is not None and last.passing and last.fingerprint == job["fingerprint"] and last.run != job["run"]
     return {
         "product": request["product"],

@@ -3,14 +3,18 @@
 Whoever did the image writes it, so nothing is lost when flow, server or machine end; two writers know the same.
 """
 
+import hashlib
 import json
+import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from catalog.regular_file import read_regular_text
 from flows.reprocessing.fingerprint import Fingerprint
 from tasks.atomic import file_put_in_place
+from tasks.publish.origin import OTHER_IMAGE
 
 IMAGES = "images"
 
@@ -56,10 +60,22 @@ def outcome_file(books: Path, product: str) -> Path:
     return books / IMAGES / f"{product}.json"
 
 
-def read_outcome(books: Path, product: str) -> Outcome | None:
-    """The outcome of a product; None when there is none, or it is damaged or of another version."""
+def outcome_file_of_namesake(books: Path, product: str, image: Path | str) -> Path:
+    """Where the outcome of an image is that was refused because the product of its name is another image's, whose own
+    outcome stays. No product has a `~` in its name."""
+    digest = hashlib.sha256(os.fsencode(os.path.abspath(image))).hexdigest()[:12]
+    return books / IMAGES / f"{product}~{digest}.json"
+
+
+def read_outcome(books: Path, product: str, image: Path | str) -> Outcome | None:
+    """The outcome of a product, or of that image of its name which was refused; None when there is none, or it is
+    damaged or of another version."""
+    return _read(outcome_file_of_namesake(books, product, image)) or _read(outcome_file(books, product))
+
+
+def _read(path: Path) -> Outcome | None:
     try:
-        return Outcome(**json.loads(outcome_file(books, product).read_text(encoding="utf-8")))
+        return Outcome(**json.loads(read_regular_text(path)))
     except (OSError, ValueError, TypeError):
         return None
 
@@ -67,13 +83,17 @@ def read_outcome(books: Path, product: str) -> Outcome | None:
 def write_outcome(books: Path, outcome: Outcome) -> None:
     """Exchange the outcome of a product. Raises OSError."""
     text = json.dumps(asdict(outcome), allow_nan=False)
-    with file_put_in_place(outcome_file(books, outcome.product)) as temporary:
+    namesake = outcome_file_of_namesake(books, outcome.product, outcome.image)
+    refused = outcome.code == OTHER_IMAGE
+    with file_put_in_place(namesake if refused else outcome_file(books, outcome.product)) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
+    if not refused:
+        namesake.unlink(missing_ok=True)
 
 
 def all_outcomes(books: Path) -> Iterator[Outcome]:
     """Every outcome of a store, by product."""
     for path in sorted((books / IMAGES).glob("[!.]*.json")):
-        outcome = read_outcome(books, path.stem)
+        outcome = _read(path)
         if outcome is not None:
             yield outcome

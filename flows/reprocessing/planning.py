@@ -4,12 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalog.errors import RefusedError
 from flows.reprocessing.fingerprint import Fingerprint, differences, fingerprint_of, in_words
 from flows.reprocessing.outcomes import Outcome, read_outcome
 from flows.reprocessing.settings import Settings
 from flows.request import Request
 from flows.verdict import PUBLISHED
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
+from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_other_image
 from tasks.record import read_record
 
 
@@ -27,7 +29,7 @@ class Plan:
 
 def plan_of(request: Request, settings: Settings) -> Plan:
     """Whether to do an image, and why."""
-    last = read_outcome(settings.books, request.product)
+    last = read_outcome(settings.books, request.product, request.image)
     fingerprint = fingerprint_of(request)
     reason = reason_to_do(request, settings, fingerprint, last)
     why = reason or f"unchanged ({last.status})" if last else reason or "new"
@@ -36,8 +38,14 @@ def plan_of(request: Request, settings: Settings) -> Plan:
 
 def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint, last: Outcome | None) -> str | None:
     """Why an image has to be done; None when it has not."""
-    if last is None:
-        return "missing" if is_missing(fingerprint) else "new"
+    same = last is not None and last.status in PUBLISHED and last.fingerprint.get("image") == fingerprint["image"]
+    taken = None if same else taken_by_another(request, fingerprint)
+    if last is None and taken is None:
+        return "missing" if is_missing(fingerprint) else new_in_words(fingerprint)
+    if last is None or (taken is not None and last.code != OTHER_IMAGE):
+        return f"its name is taken: {taken}"
+    if taken is None and last.code == OTHER_IMAGE:
+        return "its name is free now"
     changes = differences(last.fingerprint, fingerprint)
     if changes:
         return f"changed: {in_words(changes)}"
@@ -49,6 +57,23 @@ def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint,
     if last.passing and last.tries < settings.limits.tries:
         return f"{last.status} before, may pass ({last.code})"
     return f"{last.status} before ({last.code})" if settings.again else None
+
+
+def taken_by_another(request: Request, fingerprint: Fingerprint) -> str | None:
+    """The fault, when the product of the image's name is another image's; its own steps will tell it."""
+    try:
+        refuse_other_image(
+            origin_of(request.product_folder), str(request.product_folder), request.image, str(fingerprint["image"])
+        )
+    except RefusedError as error:
+        return None if str(fingerprint["image"]).startswith("fault: ") else error.fault
+    return None
+
+
+def new_in_words(fingerprint: Fingerprint) -> str:
+    """`new`, and what its own steps will tell of the image's file."""
+    image = str(fingerprint["image"])
+    return f"new, and will be refused: {image.removeprefix('fault: ')}" if image.startswith("fault: ") else "new"
 
 
 def is_missing(fingerprint: Fingerprint) -> bool:

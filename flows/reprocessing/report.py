@@ -7,6 +7,8 @@ import time
 from typing import Any
 from uuid import UUID
 
+from catalog.errors import RefusedError
+from catalog.regular_file import read_regular
 from flows.prefect_settings import server_is_lost
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.run import Run
@@ -113,10 +115,17 @@ def pictures_of(run: Run) -> str:
 def picture_of(run: Run, outcome: Outcome) -> str | None:
     """A small overlay with its caption; None when there is none."""
     import cv2
+    import numpy as np
 
+    from tasks.publish.contained import refuse_what_is_elsewhere
     from tasks.publish.names import OVERLAY
 
-    overlay = cv2.imread(str(run.settings.store / outcome.product / OVERLAY))
+    folder = run.settings.store / outcome.product
+    try:
+        refuse_what_is_elsewhere(folder)
+        overlay = cv2.imdecode(np.frombuffer(read_regular(folder / OVERLAY), np.uint8), cv2.IMREAD_COLOR)
+    except (OSError, RefusedError, cv2.error):
+        return None
     if overlay is None:
         return None
     scale = PICTURE_SIDE_PX / max(overlay.shape[:2])

@@ -6,6 +6,8 @@ import uuid
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from catalog.digest import digests_to_save, remember_digests
@@ -22,7 +24,9 @@ from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
 from flows.reprocessing.tally import Tally, row_of, write_tables
 from flows.request import Request
+from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place
+from tasks.publish.origin import note_place
 
 logger = logging.getLogger("planetpose")
 
@@ -46,11 +50,22 @@ class Run:
                 self.why[request.product] = plan.why
             yield plan
 
+    def leave(self, plan: Plan) -> None:
+        """Count an image that need not be done; its product remembers where it lies now."""
+        self.tally.add(plan.last, done=False)
+        if plan.last is not None and plan.last.status in PUBLISHED:
+            note_place(plan.request.product_folder, plan.request.image, str(plan.fingerprint["image"]))
+
     def outcome_of_this_run(self, product: str) -> Outcome | None:
-        """What became of a product since the run began, be it by another run at the same time; None when it was lost
-        on the way."""
-        outcome = read_outcome(self.settings.books, product)
+        """What became of a product of the run since it began, be it by another run at the same time; None when it was
+        lost on the way."""
+        outcome = read_outcome(self.settings.books, product, self.images[product])
         return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
+
+    @cached_property
+    def images(self) -> dict[str, Path]:
+        """The image of every product."""
+        return {request.product: request.image for request in self.requests}
 
     @property
     def began(self) -> str:
@@ -148,5 +163,5 @@ def rows_of(run: Run) -> Iterator[dict[str, Any]]:
     for request in run.requests:
         product = request.product
         done = product in run.why
-        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.settings.books, product)
+        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.settings.books, product, request.image)
         yield row_of(product, outcome, done, run.why.get(product, "unchanged"))

@@ -31,9 +31,16 @@ def sweep(store: Path, cache: Path) -> None:
 def sweep_cache(cache: Path) -> None:
     """The same in a cache alone."""
     sweep_temporaries(cache)
+    for folder in key_folders(cache):
+        sweep_temporaries(folder)
+
+
+def key_folders(cache: Path) -> Iterator[Path]:
+    """The folders that results of steps lie in, by the first digits of their keys; links are not followed: what they
+    lead to may be somebody else's."""
     for kind in STEP_KINDS:
-        for folder in (cache / kind).glob("[0-9a-f][0-9a-f]"):
-            sweep_temporaries(folder)
+        if not (cache / kind).is_symlink():
+            yield from (each for each in (cache / kind).glob("[0-9a-f][0-9a-f]") if not each.is_symlink())
 
 
 @dataclass(frozen=True)
@@ -46,10 +53,11 @@ class CachedStep:
 
 def cached_steps(cache: Path) -> Iterator[CachedStep]:
     """All results of steps in a cache."""
-    for kind in STEP_KINDS:
-        for record in (cache / kind).glob(f"[0-9a-f][0-9a-f]/[!.]*/{RECORD_FILE}"):
+    for folder in key_folders(cache):
+        for record in folder.glob(f"[!.]*/{RECORD_FILE}"):
             with suppress(OSError):
-                yield CachedStep(record.parent, record.stat().st_mtime)
+                if not record.parent.is_symlink():
+                    yield CachedStep(record.parent, record.stat().st_mtime)
 
 
 def prune(cache: Path, limit_gb: float | None = None, days: float | None = None, keep_s: float = IN_USE_S) -> int:

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from catalog.safe_name import TABLE
 from flows.reprocessing.outcomes import Outcome
 from flows.reprocessing.settings import Settings
 from flows.verdict import PUBLISHED
@@ -14,7 +15,7 @@ from tasks.atomic import file_put_in_place
 
 STATUSES = (*PUBLISHED, "refused", "failed")
 COLUMNS = ("product", "status", "reason", "done", "why", "seconds", "peak_mb", "tries", "camera", "target", "utc")
-RUNS, LATEST = "runs", "reprocess"
+RUNS = "runs"
 
 
 class Tally:
@@ -96,7 +97,7 @@ def row_of(product: str, outcome: Outcome | None, done: bool, why: str) -> dict[
 def write_tables(settings: Settings, run: str, summary: dict[str, Any], rows: Iterable[dict[str, Any]]) -> Path:
     """Write the run's table and summary, and the same as `reprocess.csv` and `reprocess.json` of the store; returns the
     path of the latter's table."""
-    latest = settings.store / f"{LATEST}.csv"
+    latest = settings.store / f"{TABLE}.csv"
     kept = settings.books / RUNS / f"{run}.csv"
     with file_put_in_place(kept) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")

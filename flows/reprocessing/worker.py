@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from typing import Any, TextIO
 
 from catalog.digest import remember_digests
-from catalog.errors import PlanetposeError
+from flows.boundary import trouble_of
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.reprocessing.claims import claimed
@@ -111,16 +111,7 @@ def do(request: Request, voice: Voice) -> None:
 
 def correct(chain: Chain) -> Exception | None:
     """All steps of one image; what ended them, if anything did."""
-    try:
-        correct_image(chain)
-    except PlanetposeError as expected:
-        return expected
-    except OSError as trouble:
-        return trouble
-    except Exception as bug:  # the boundary of one image: the others go on, and the log has the traceback
-        logger.exception("%s ended by %s", chain.request.product, type(bug).__name__)
-        return bug
-    return None
+    return trouble_of(lambda: correct_image(chain), chain.request.product)
 
 
 def measured(step: Step, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Record:

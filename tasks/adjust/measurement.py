@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 LIGHT_KM_S = 299792.458
 # The shared unknowns: all but the centre.
 SHARED = tuple(range(OFFSET.stop, len(NAMES)))
+NOT_JOINT = "not-joint"
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,6 @@ def _last_joint(product: str, provenance: Any) -> Any:
     found = [result for name, result in provenance.get("corrections", {}).items() if name.startswith("joint")]
     if not found or "predicted_to_free" not in found[-1]["evidence"]:
         raise RefusedError(
-            "not-joint", f"{product} was not corrected by the joint step.", "Correct it with a profile that has it."
+            NOT_JOINT, f"{product} was not corrected by the joint step.", "Correct it with a profile that has it."
         )
     return found[-1]

@@ -1,6 +1,7 @@
 """FITS backplanes: the image as primary array, every plane of the cube as an image extension of the same shape."""
 
 import json
+import unicodedata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
     from astropy.io.fits import Header, ImageHDU
 
 FITS_UNITS = {"degrees_north": "deg", "degrees_east": "deg", "degree": "deg", "km": "km"}
-TEXT_LIMIT = 60
+TEXT_LIMIT = 60  # a value that fits on one card
+LONGEST = 500  # of comments and history, which are wrapped
 
 
 def write_backplanes(source: Source, path: Path) -> Path:
@@ -35,9 +37,9 @@ def write_backplanes(source: Source, path: Path) -> Path:
             continue
         plane = fits.ImageHDU(source.cube[variable.name].values, name=variable.name.upper())
         plane.header["BUNIT"] = FITS_UNITS.get(variable.units, "")
-        plane.header.add_comment(variable.long_name)
+        plane.header.add_comment(_text(variable.long_name, LONGEST))
         if variable.comment:
-            plane.header.add_comment(variable.comment)
+            plane.header.add_comment(_text(variable.comment, LONGEST))
         if variable.name == "quality":
             plane.header["FLAGS"] = ("planetpose", "the bits are those of planetpose's cubes")
             for flag in FLAGS:
@@ -54,35 +56,36 @@ def _extra_plane(array: "xr.DataArray") -> "ImageHDU":
 
     plane = fits.ImageHDU(array.values, name=str(array.name).upper())
     units = str(array.attrs.get("units", ""))
-    plane.header["BUNIT"] = FITS_UNITS.get(units, "" if units == "1" else units)
-    plane.header.add_comment(_text(array.attrs.get("long_name", ""), 200))
+    plane.header["BUNIT"] = FITS_UNITS.get(units, "" if units == "1" else _text(units))
+    plane.header.add_comment(_text(array.attrs.get("long_name", ""), LONGEST))
     return plane
 
 
 def _describe(header: "Header", source: Source) -> None:
     cube, pose = source.attributes, source.pose
-    header["OBJECT"] = source.target.name
-    header["INSTRUME"] = source.camera.name
-    header["DATE-OBS"] = (str(cube["utc"]).removesuffix("Z"), "UTC, middle of the exposure")
+    header["OBJECT"] = _text(source.target.name)
+    header["INSTRUME"] = _text(source.camera.name)
+    header["DATE-OBS"] = (_text(cube["utc"]).removesuffix("Z"), "UTC, middle of the exposure")
     header["TIMESYS"] = "UTC"
     header["ORIGIN"] = _text(cube.get("source", "planetpose"))
     header["PRODUCT"] = _text(source.product)
-    header["PIXSPACE"] = (str(cube.get("pixel_space", "")), "sensor, or resampled (undistorted frame)")
+    header["PIXSPACE"] = (_text(cube.get("pixel_space", "")), "sensor, or resampled (undistorted frame)")
     header["TARGRNG"] = (pose.range_km, "km, spacecraft to target centre")
     header["PHASE"] = (pose.phase_deg, "deg, at the target centre")
     for axis, radius in zip("ABC", source.target.radii_km, strict=True):
         header[f"RADIUS_{axis}"] = (radius, "km, semi-axis of the ellipsoid")
     header["LATTYPE"] = ("planetocentric", "latitude")
     header["LONDIR"] = ("east", "direction of growing longitude")
-    header["BODYCRS"] = (source.target.iau_crs or "", "IAU code of the body")
+    header["BODYCRS"] = (_text(source.target.iau_crs or ""), "IAU code of the body")
     header.add_comment("Row 1 is the top of the picture (y of the cube = FITS y - 1, x = FITS x - 1).")
     for key in ("pose_after", "pose_before"):
         if key in cube:
             _add_pose(header, key, Pose.from_dict(json.loads(cube[key])))
-    header.add_history(f"exported from the cube of {source.product}")
-    image = json.loads(cube.get("provenance", "{}")).get("image")
+    header.add_history(_text(f"exported from the cube of {source.product}", LONGEST))
+    provenance = json.loads(cube.get("provenance", "{}"))
+    image = provenance.get("image") if isinstance(provenance, dict) else None
     if isinstance(image, dict) and image.get("sha256"):
-        header.add_history(f"source image sha256 {image['sha256']}")
+        header.add_history(_text(f"source image sha256 {image['sha256']}", LONGEST))
 
 
 def _add_pose(header: "Header", name: str, pose: Pose) -> None:
@@ -112,5 +115,9 @@ def _add_sky(header: "Header", source: Source) -> None:
 
 
 def _text(value: object, limit: int = TEXT_LIMIT) -> str:
-    """Printable ASCII of at most `limit` characters: a header's value that fits on a card."""
-    return str(value).encode("ascii", "replace").decode()[:limit]
+    """Printable ASCII of at most `limit` characters, all that a FITS header may hold: letters lose their accents, and
+    what has no like in ASCII becomes a question mark."""
+    plain = unicodedata.normalize("NFKD", str(value))
+    kept = "".join(character for character in plain if not unicodedata.combining(character))
+    ascii_only = kept.encode("ascii", "replace").decode()
+    return "".join(character if character.isprintable() else "?" for character in ascii_only)[:limit]

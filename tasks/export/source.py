@@ -13,6 +13,7 @@ from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE
@@ -66,18 +67,12 @@ def read_source(folder: Path) -> Source:
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
-    try:
+    with reading_product(folder):
         with open_cube(folder / CUBE) as lazy:
             cube = lazy.load()
         pose = Pose.from_dict(json.loads(cube.attrs["pose_after"]))
         camera = camera_from_dict(json.loads(cube.attrs["camera_model"]), f"of the cube in {folder}")
         target = Target.model_validate(json.loads(cube.attrs["target_model"]))
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RefusedError(
-            "cube-unreadable",
-            f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
-            "`planetpose check` says what is wrong with it; publish it again.",
-        ) from error
     return Source(folder.name, folder, cube, pose, camera, target)
 
 

@@ -83,8 +83,9 @@ class TileSettings(BaseModel):
 class SmearSettings(BaseModel):
     """When the PSF is solved for as other than a round Gaussian. significance: of an uneven second moment, sigmas, and
     least_px: length of the trail, pixels, from which a trail is an unknown of the image (sharp images of another
-    renderer, three laws, radius 25-110 px: at most 3.1 and 0.95 px; trails of 2 px and more: at least 5.7). wings_share:
-    share of the light beyond which the PSF's wings are taken for a wider PSF (sharp: below 0.02; 3 px: 0.9)."""
+    renderer, three laws, radius 25-110 px: at most 3.1 and 0.95 px; trails of 2 px and more: at least 5.7).
+    wings_share: share of the light beyond which the PSF's wings are taken for a wider PSF (sharp: below 0.02; 3 px:
+    0.9)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     significance: float = Field(4.0, gt=0)

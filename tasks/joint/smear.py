@@ -1,5 +1,5 @@
-"""An exposure during which the boresight drifted: every point is spread evenly along a line, and its place at mid-exposure
-is the line's middle. The PSF is then the Gaussian of the optics convolved with a box along that line."""
+"""An exposure during which the boresight drifted: every point is spread evenly along a line, whose middle is its place
+at mid-exposure. The PSF is then the Gaussian of the optics convolved with a box along that line."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.sight import LIGHT_KM_PER_S
+from tasks.publish.contained import DAMAGE, refuse_what_is_elsewhere
 from tasks.publish.names import CUBE
 
 GROUP = f"{CUBE}/zarr.json"
@@ -76,14 +78,15 @@ def without_aberration(apparent_km: Vector, observer_velocity_km_s: Vector) -> V
 def read_exposure(folder: Path) -> Exposure:
     """The exposure of a product folder. Raises RefusedError when it holds no readable cube."""
     path = Path(folder) / GROUP
+    refuse_what_is_elsewhere(Path(folder))
     try:
-        attributes = json.loads(path.read_text(encoding="utf-8"))["attributes"]
+        attributes = json.loads(read_regular_text(path))["attributes"]
         nested = {key: json.loads(attributes[key]) for key in ("provenance", "settings", "pose_after")}
         camera = camera_from_dict(json.loads(attributes["camera_model"]), f"of the cube in {folder}")
         target = Target.model_validate(json.loads(attributes["target_model"]))
         target = target.model_copy(update={"shape": None})  # kernels hold radii; a shape model is a DSK of its own
         pose = Pose.from_dict(nested["pose_after"])
-    except (OSError, KeyError, ValueError) as error:
+    except DAMAGE as error:
         raise RefusedError(
             "product-unreadable",
             f"{path} is not the metadata of a cube ({type(error).__name__}: {error}).",

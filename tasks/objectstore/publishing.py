@@ -12,7 +12,9 @@ from pathlib import Path
 from catalog.errors import FailedError
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.publish.checksums import CHECKSUMS
+from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.names import CUBE
+from tasks.publish.origin import Origin
 from tasks.record import RECORD_FILE
 
 CUBE_OPENER = f"{CUBE}/zarr.json"
@@ -31,20 +33,35 @@ class Copied:
 def published_key(store: ObjectStore, product: str) -> str | None:
     """Key of the whole product in the store; None when there is none, or none that is whole. Raises FailedError when
     the storage cannot be reached."""
-    with reaching(store):
-        try:
-            text = store.files.cat_file(store.path(product, RECORD_FILE))
-        except FileNotFoundError:
-            return None
+    text = _record_of(store, product)
     try:
-        return str(json.loads(text)["key"])
+        return str(json.loads(text)["key"]) if text else None
     except (ValueError, KeyError, TypeError):
         return None
+
+
+def published_origin(store: ObjectStore, product: str) -> Origin | None:
+    """Which image the whole product in the store is of; None when there is none, or nobody knows. Raises FailedError
+    when the storage cannot be reached."""
+    text = _record_of(store, product)
+    try:
+        return Origin.from_dict(json.loads(text)["result"]["image"]) if text else None
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _record_of(store: ObjectStore, product: str) -> bytes | None:
+    with reaching(store):
+        try:
+            return bytes(store.files.cat_file(store.path(product, RECORD_FILE)))
+        except FileNotFoundError:
+            return None
 
 
 def publish_product(folder: Path, store: ObjectStore) -> Copied:
     """Copy the product in `folder`, replacing an older one of its name. Raises FailedError when the storage cannot be
     reached, or has not what was written."""
+    refuse_what_is_elsewhere(folder)
     place = store.path(folder.name)
     sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
     with reaching(store):

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from tasks.objectstore.location import open_object_store
-from tasks.objectstore.publishing import publish_product, published_key
+from tasks.objectstore.publishing import publish_product, published_key, published_origin
+from tasks.publish.origin import origin_of, refuse_other_image
 from tasks.record import Record, read_record
 from tasks.step import Step
 from tasks.work import Work
@@ -25,6 +26,11 @@ class UploadStep(Step):
 
 
 def run(work: Work) -> dict[str, Any]:
-    """Copy the product (see `publish_product`)."""
-    copied = publish_product(Path(work.places["folder"]), open_object_store(work.inputs["url"]))
+    """Copy the product (see `publish_product`). Raises RefusedError when the store has one of another image."""
+    folder, store = Path(work.places["folder"]), open_object_store(work.inputs["url"])
+    origin = origin_of(folder)
+    if origin is not None and origin.paths:
+        place = f"{store.url}/{folder.name}"
+        refuse_other_image(published_origin(store, folder.name), place, Path(origin.paths[-1]), origin.sha256)
+    copied = publish_product(folder, store)
     return {"url": work.inputs["url"], **asdict(copied)}

@@ -1,8 +1,9 @@
 """The pixels of one region, gathered over all images of a store."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
+from tasks.publish.index_rows import UNREADABLE
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -48,6 +50,30 @@ class RegionPixels:
         return float(self.phase_deg[self.image == image].mean())
 
 
+def unreadable_products(store: Path) -> tuple[tuple[str, str], ...]:
+    """Products of a store that its index could not read, and why."""
+    from tasks.publish.names import CUBE
+
+    if (Path(store) / CUBE).is_dir():
+        return ()
+    index = open_index(Path(store))
+    broken = index[index["status"] == UNREADABLE]
+    return tuple(zip(broken["product"], broken["reason"], strict=True))
+
+
+@dataclass(frozen=True)
+class OneImage:
+    """What one product adds to a region. columns: fields of `RegionPixels`. seen: pixels before they were thinned."""
+
+    product: str
+    target: str
+    columns: dict[str, NDArray]
+    seen: int
+
+
+Attempt = Callable[[Path, Callable[[], OneImage | None]], OneImage | None]
+
+
 def usable_products(store: Path, doubtful: bool = False) -> list[Path]:
     """Folders of a store's products whose verdict is ok, or a product's own folder. Raises RefusedError when none."""
     from tasks.publish.names import CUBE
@@ -73,9 +99,11 @@ def region_pixels(
     max_pixels_per_image: int = 5_000,
     albedo_map: bool = False,
     tile_deg: float = TILE_DEG,
+    attempt: Attempt = lambda folder, gather: gather(),  # noqa: ARG005
 ) -> RegionPixels:
     """Gather the selected, unflagged pixels of all products; of an image with more than `max_pixels_per_image` every
-    k-th. albedo_map: divide out the base map that the products were made with.
+    k-th. albedo_map: divide out the base map that the products were made with. attempt: gathers one product's pixels
+    by the function it is given; None leaves the product out.
 
     Raises RefusedError when no image sees the region with at least 20 pixels, the products are of different targets,
     or the base map is not at hand.
@@ -85,20 +113,18 @@ def region_pixels(
     seen: list[int] = []
     targets: set[str] = set()
     for folder in folders:
-        source = read_source(folder)
-        table = pixel_table(source, selection)
-        table = table[np.isfinite(table["image"])]
-        if len(table) < FEWEST_PIXELS:
+        gathered = attempt(folder, partial(_of_one, folder, selection, max_pixels_per_image, albedo_map, tile_deg))
+        if gathered is None:
             continue
-        targets.add(source.target.name)
+        targets.add(gathered.target)
         if len(targets) > 1:
             raise RefusedError(
                 "targets-differ", f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
             )
-        thinned = table.iloc[:: -(-len(table) // max_pixels_per_image)]
-        parts.append(_columns(source, thinned, albedo_map, tile_deg) | {"image": np.full(len(thinned), len(products))})
-        products.append(source.product)
-        seen.append(len(table))
+        count = len(gathered.columns["value"])
+        parts.append(gathered.columns | {"image": np.full(count, len(products))})
+        products.append(gathered.product)
+        seen.append(gathered.seen)
     if not products:
         raise RefusedError(
             "region-unseen",
@@ -108,6 +134,18 @@ def region_pixels(
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     mapped = columns["albedo"] > 0
     return RegionPixels(tuple(products), seen=tuple(seen), **{name: each[mapped] for name, each in columns.items()})
+
+
+def _of_one(folder: Path, selection: Selection, max_pixels: int, albedo_map: bool, tile_deg: float) -> OneImage | None:
+    """The pixels of one product; None when it sees too little of the region."""
+    source = read_source(folder)
+    table = pixel_table(source, selection)
+    table = table[np.isfinite(table["image"])]
+    if len(table) < FEWEST_PIXELS:
+        return None
+    thinned = table.iloc[:: -(-len(table) // max_pixels)]
+    columns = _columns(source, thinned, albedo_map, tile_deg)
+    return OneImage(source.product, source.target.name, columns, len(table))
 
 
 def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: float) -> dict[str, NDArray]:

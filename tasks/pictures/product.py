@@ -15,6 +15,7 @@ from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
 from catalog.target import Target
 from tasks.compare.limb_edges import LimbSettings
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.product import CUBE, no_cube_in
 from tasks.simulate import Scene, SceneSettings
@@ -42,15 +43,16 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
     Raises RefusedError when the folder holds no cube, or the base map is not at hand.
     """
     folder = Path(folder)
-    with opened_cube(folder) as cube:
-        attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
-        resampled = "resampled_image" in cube
-        image = cube["resampled_image" if resampled else "image"].values
-        quality = np.zeros(image.shape, np.uint16) if resampled else cube["quality"].values.astype(np.uint16)
-    target = Target.model_validate(attributes["target_model"])
-    camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
-    settings = attributes["settings"]
-    known = map_of_product(attributes["provenance"].get("basemap", {}), target, basemap, folder)
+    with reading_product(folder):
+        with opened_cube(folder) as cube:
+            attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
+            resampled = "resampled_image" in cube
+            image = cube["resampled_image" if resampled else "image"].values
+            quality = np.zeros(image.shape, np.uint16) if resampled else cube["quality"].values.astype(np.uint16)
+        target = Target.model_validate(attributes["target_model"])
+        camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
+        settings = attributes["settings"]
+        known = map_of_product(attributes["provenance"].get("basemap", {}), target, basemap, folder)
     return Product(
         attributes["product"],
         _observation(image, quality),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.regular_file import check_regular
 from catalog.target import Target
 
 Array = NDArray[np.float64]
@@ -58,13 +59,16 @@ def read_mesh(path: Path, naif_id: int | None = None) -> Mesh:
     Raises RefusedError naming the file and the fault.
     """
     path = Path(path)
-    if path.suffix.lower() not in SUFFIXES or not path.is_file():
-        raise RefusedError(
-            "shape-unreadable",
-            f"shape model {path} {'is of no known kind' if path.is_file() else 'does not exist'}.",
-            f"Give a file that ends in {', '.join(SUFFIXES)}.",
-        )
-    return _read(path.absolute(), path.stat().st_mtime_ns, naif_id)
+    remedy = f"Give a file that ends in {', '.join(SUFFIXES)}."
+    try:
+        found = check_regular(path)
+    except FileNotFoundError as error:
+        raise RefusedError("shape-unreadable", f"shape model {path} does not exist.", remedy) from error
+    except OSError as error:
+        raise RefusedError("shape-unreadable", f"shape model {path}: {error.strerror}.", remedy) from error
+    if path.suffix.lower() not in SUFFIXES:
+        raise RefusedError("shape-unreadable", f"shape model {path} is of no known kind.", remedy)
+    return _read(path.absolute(), found.st_mtime_ns, naif_id)
 
 
 @lru_cache(maxsize=4)

@@ -23,6 +23,7 @@ from catalog.target import Target
 from tasks.project.pixels import project_pixels
 from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
+from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 from tasks.publish.variables import cube_faults
@@ -64,6 +65,9 @@ def products_in(path: Path) -> list[Path]:
 
 def product_faults(folder: Path) -> list[Fault]:
     """Everything that is wrong with the product in `folder`; empty when it is sound."""
+    elsewhere = [Fault("file", text) for text in faults_of_place(folder)]
+    if elsewhere:  # nothing of it is read
+        return elsewhere
     faults = [Fault("file", text) for text in checksum_faults(folder)]
     if not (folder / CUBE).is_dir():  # one fault, not one for every file that was in it
         others = [fault for fault in faults if not fault.text.startswith(f"{CUBE}/")]
@@ -72,7 +76,7 @@ def product_faults(folder: Path) -> list[Fault]:
     try:
         with open_cube(folder / CUBE) as lazy:
             cube = lazy.load()
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+    except (*DAMAGE, RefusedError) as error:
         return [*faults, Fault("file", f"{CUBE} cannot be read: {type(error).__name__}: {error}")]
     departures = [text for text in cube_faults(cube) if not WORDING.search(text)]
     faults += [Fault("values" if "values" in text else "schema", text) for text in departures]

@@ -8,6 +8,7 @@ import numpy as np
 
 from catalog.target import Target
 from catalog.times import now_utc, utc_from_et
+from tasks.publish.contained import reading_cube
 from tasks.publish.planes import cube_arrays
 from tasks.publish.publication import NOT_RESAMPLED, SENSOR, Publication
 from tasks.publish.variables import BY_NAME, COORDINATES, DIMENSIONS, FLAGS, GRID_MAPPING, cube_faults, variables_of
@@ -73,10 +74,14 @@ def write_group(dataset: "xr.Dataset", path: Path, encoding: dict[str, dict[str,
 
 
 def open_cube(path: "Path | str") -> "xr.Dataset":
-    """Open a cube lazily, as dask arrays; a path, or a URL that fsspec understands."""
+    """Open a cube lazily, as dask arrays; a path, or a URL that fsspec understands. Raises RefusedError when something
+    in it is a link that leads out of its store, or no file, or when it is damaged."""
     import xarray as xr
 
-    return xr.open_zarr(path, consolidated=None)
+    if "://" in str(path):
+        return xr.open_zarr(path, consolidated=None)
+    with reading_cube(Path(path)):
+        return xr.open_zarr(path, consolidated=None)
 
 
 def _pixel_attributes(name: str, direction: str) -> dict[str, str]:

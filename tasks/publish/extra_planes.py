@@ -18,6 +18,7 @@ from tasks.atomic import file_put_in_place, folder_put_in_place
 from tasks.project.more_planes import ADDED_PLANES, MORE_PLANES, SIGMA_PARTS, more_planes
 from tasks.project.uncertainty import NEEDED, PoseUncertainty, coordinate_sigmas
 from tasks.publish.checksums import CHECKSUMS, read_checksums
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import CONVENTIONS, compressor, open_cube, software_version, write_group
 from tasks.publish.names import CUBE
 from tasks.publish.publication import SENSOR
@@ -46,7 +47,7 @@ def write_extra_planes(folder: Path, planes: Sequence[str] = tuple(ADDED_PLANES)
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
-    with open_cube(folder / CUBE) as cube:
+    with reading_product(folder), open_cube(folder / CUBE) as cube:
         dataset = extra_dataset(cube, planes)
     encoding: dict[str, dict[str, Any]] = {
         name: {"chunks": dataset[name].shape, "compressors": [compressor()]} for name in planes

@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
+from catalog.plain_text import printable
+from catalog.safe_name import INDEX
 from tasks.atomic import file_put_in_place, locked
 from tasks.publish.cube import open_cube
 from tasks.publish.index_rows import COLUMNS, NAMES, UNREADABLE, row_of, stamp_of
@@ -19,7 +21,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-INDEX = "index.parquet"
 LOCK = ".index.lock"
 
 
@@ -76,7 +77,7 @@ def read_index(store: Path) -> "pd.DataFrame | None":
 def product_stamps(store: Path) -> dict[str, str]:
     """The stamp of every product in the store, by name."""
     folders = sorted(path for path in Path(store).iterdir() if not path.name.startswith("."))
-    return {path.name: stamp for path in folders if (stamp := stamp_of(path)) is not None}
+    return {printable(path.name): stamp for path in folders if (stamp := stamp_of(path)) is not None}
 
 
 def table_of(rows: list[dict[str, Any]]) -> "pd.DataFrame":

@@ -1,7 +1,9 @@
 """One row of the store's index: what a product says of itself, gathered from its cube's attributes and its result."""
 
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -9,9 +11,12 @@ import numpy as np
 
 from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
+from catalog.plain_text import printable
 from catalog.pose import Pose
+from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.points import latitude_longitude
+from tasks.publish.contained import DAMAGE, refuse_what_is_elsewhere
 from tasks.publish.names import CUBE, OVERLAY, RESULT
 
 GROUP = f"{CUBE}/zarr.json"  # of Zarr v3: the group's attributes are in there as JSON
@@ -66,6 +71,7 @@ COLUMNS = (
     Column("overlay", "text", "path of the picture, relative to the store"),
     Column("stamp", "text", "size and time of the files that the row was read from: how a changed product is noticed"),
 )
+KINDS = {column.name: column.kind for column in COLUMNS}
 NAMES = tuple(column.name for column in COLUMNS)
 
 
@@ -86,14 +92,35 @@ def row_of(folder: Path, stamp: str) -> dict[str, Any]:
     row |= {"product": folder.name, "cube": f"{folder.name}/{CUBE}", "overlay": f"{folder.name}/{OVERLAY}"}
     row["stamp"] = stamp
     try:
-        return row | _read(folder)
-    except (OSError, ValueError, KeyError, TypeError, RefusedError) as error:
-        return row | {"status": UNREADABLE, "reason": f"{type(error).__name__}: {error}"}
+        refuse_what_is_elsewhere(folder)
+        return row | _as_columns(_read(folder))
+    except RefusedError as error:
+        return row | {"status": UNREADABLE, "reason": error.reason}
+    except DAMAGE as error:
+        return row | {"status": UNREADABLE, "reason": printable(f"{type(error).__name__}: {error}")}
+
+
+def _as_columns(values: dict[str, Any]) -> dict[str, Any]:
+    """Values in the types of their columns. Raises ValueError or TypeError for those that are of another kind: one of
+    them would spoil the whole table."""
+    return {name: value if value is None else TYPES[KINDS[name]](value) for name, value in values.items()}
+
+
+def _time(value: Any) -> str:
+    datetime.fromisoformat(str(value))
+    return str(value)
+
+
+def _text(value: Any) -> str:
+    return printable(str(value))
+
+
+TYPES: dict[str, Callable[[Any], Any]] = {"text": _text, "number": float, "whole": int, "time": _time}
 
 
 def _read(folder: Path) -> dict[str, Any]:
-    attributes = json.loads((folder / GROUP).read_text(encoding="utf-8"))["attributes"]
-    result = json.loads((folder / RESULT).read_text(encoding="utf-8")) if (folder / RESULT).is_file() else {}
+    attributes = json.loads(read_regular_text(folder / GROUP))["attributes"]
+    result = json.loads(read_regular_text(folder / RESULT)) if (folder / RESULT).is_file() else {}
     pose = Pose.from_dict(json.loads(attributes["pose_after"]))
     camera = camera_from_dict(json.loads(attributes["camera_model"]), f"of the cube in {folder}")
     target = Target.model_validate(json.loads(attributes["target_model"]))

@@ -10,6 +10,7 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
 from tasks.publish.checksums import refresh_checksum, write_checksums
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import cube_dataset, open_cube, write_cube
 from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.publish.overlay import draw_overlay
@@ -49,12 +50,13 @@ def redraw_overlay(folder: Path) -> Path:
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
         raise no_cube_in(folder)
-    with open_cube(folder / CUBE) as cube:
-        attributes = {key: _loaded(value) for key, value in cube.attrs.items()}
-        image = cube["resampled_image" if "resampled_image" in cube else "image"].values
-    camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
-    target = Target.model_validate(attributes["target_model"])
-    before, after = (Pose.from_dict(attributes[key]) for key in ("pose_before", "pose_after"))
+    with reading_product(folder):
+        with open_cube(folder / CUBE) as cube:
+            attributes = {key: _loaded(value) for key, value in cube.attrs.items()}
+            image = cube["resampled_image" if "resampled_image" in cube else "image"].values
+        camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
+        target = Target.model_validate(attributes["target_model"])
+        before, after = (Pose.from_dict(attributes[key]) for key in ("pose_before", "pose_after"))
     result = _result_of(folder)
     caption = _caption(attributes["product"], target.name, camera.name, after, result)
     draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption)

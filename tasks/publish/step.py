@@ -9,6 +9,7 @@ import numpy as np
 from catalog.observation import Observation
 from tasks.project.uncertainty import stated_uncertainty
 from tasks.publish.names import CUBE, OVERLAY
+from tasks.publish.origin import Origin
 from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
@@ -55,7 +56,13 @@ def run(work: Work) -> dict[str, Any]:
         **distortion_of(work, records["undistort"]),
     )
     write_product(publication, work.folder)
-    return {"correction": corrected, "cube": CUBE, "overlay": OVERLAY}
+    return {"correction": corrected, "cube": CUBE, "overlay": OVERLAY, "image": origin(work).to_dict()}
+
+
+def origin(work: Work) -> Origin:
+    """The image of the product, and where it was seen."""
+    known = Origin(work.places["sha256"], tuple(work.places["known_places"]))
+    return known.seen_at(work.place("image"), work.places["sha256"])
 
 
 def distortion_of(work: Work, undistort: Record) -> dict[str, Any]:

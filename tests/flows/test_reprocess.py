@@ -159,7 +159,7 @@ def test_a_product_that_lost_a_file_or_is_gone_is_done_again(done: dict[str, Any
 
 def test_what_may_pass_is_tried_in_the_next_runs_but_not_for_ever(done: dict[str, Any], settings: Settings) -> None:
     assert done
-    known = read_outcome(settings.books, BAD)
+    known = read_outcome(settings.books, BAD, "")
     assert known is not None
     try:
         hung = replace(known, status="failed", reason="timed-out: it hung.", passing=True)
@@ -185,7 +185,7 @@ def test_status_tells_counts_runs_steps_and_what_is_out_of_date(done: dict[str, 
 
 def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any], settings: Settings) -> None:
     assert done
-    known = read_outcome(settings.books, GOOD[0])
+    known = read_outcome(settings.books, GOOD[0], "")
     assert known is not None
     try:
         write_outcome(settings.books, replace(known, status="failed", reason="no-limb: none."))

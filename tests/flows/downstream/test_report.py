@@ -107,6 +107,7 @@ def test_pictures_that_cannot_be_drawn_are_explained_and_the_others_are_there(re
         assert {f"{product}-{kind}.png" for kind in ("small", "overlay", "residual", "planes")} <= set(drawn)
     assert not any(DAMAGED in name for name in drawn)
     assert report.missing == {}
+    assert list(report.broken) == ["BROKEN"]
 
 
 def test_a_product_is_as_young_as_its_youngest_part(tmp_path: Path) -> None:
