@@ -17,6 +17,7 @@ def guidance_of(request: Request) -> dict[str, Any]:
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
         "mask": str(request.mask) if request.mask else None,
+        "flip": request.flip,
         "resumed_from": str(request.resume) if request.resume else None,
     }
 

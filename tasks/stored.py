@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap, read_map, uniform_map
 from catalog.camera import Camera, camera_from_dict
+from catalog.flips import Flip
 from catalog.observation import Frame, Observation
 from catalog.pose import Pose
 from catalog.readers import read_frame
@@ -60,12 +61,13 @@ def load_observation(folder: Path) -> Observation:
 
 def frame_of(work: Work) -> Frame:
     """The image file of the work, read with the user's camera and target."""
-    return _frame(work.place("image"), work.inputs["image"], work.places.get("camera"), work.inputs.get("target_name"))
+    given = work.places.get("camera"), work.inputs.get("target_name"), work.inputs.get("flip")
+    return _frame(work.place("image"), work.inputs["image"], *given)
 
 
 @lru_cache(maxsize=IMAGES_IN_MEMORY)
-def _frame(path: Path, sha256: str, camera: str | None, target: str | None) -> Frame:  # noqa: ARG001 - sha256 is a key
-    return read_frame(path, camera, target)
+def _frame(path: Path, sha256: str, camera: str | None, target: str | None, flip: Flip | None) -> Frame:  # noqa: ARG001 - sha256 is a key
+    return read_frame(path, camera, target, flip)
 
 
 def camera_of(work: Work) -> Camera:

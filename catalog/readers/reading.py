@@ -1,6 +1,6 @@
 """What one dialect's reader hands back, and the Protocol that all of them share."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.flips import Flip, flipped
 from catalog.pose import PartialPose
 
 MAX_SIDE_PX = 20_000
@@ -41,6 +42,11 @@ class Reading:
     label_pose: PartialPose = field(default_factory=PartialPose)
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
+
+    def flipped(self, flip: Flip) -> "Reading":
+        """Copy with the picture, its flags and its noise flipped."""
+        planes = {name: getattr(self, name) for name in ("image", "quality", "noise")}
+        return replace(self, **{name: flipped(plane, flip) for name, plane in planes.items() if plane is not None})
 
 
 class Reader(Protocol):

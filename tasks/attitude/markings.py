@@ -166,6 +166,19 @@ def climbed(
     return turn, score
 
 
+def mismatch_of(markings: Markings) -> str:
+    """Why the markings do not match, as `code: fault. Remedy.`"""
+    seen = "the map's markings are not seen where the orientation puts them"
+    if markings.better_deg is not None:
+        angle = float(np.linalg.norm(markings.better_deg))
+        sigmas = f"{markings.better_sigmas:.0f} sigmas"
+        seen = f"the map's markings match better ({sigmas}) with the body turned by {angle:.1f} deg"
+    return (
+        f"markings-do-not-match: {seen} (correlation {markings.correlation:.2f}). Check the predicted attitude, the "
+        f"target, whether the picture is mirrored or turned (--flip), and the base map."
+    )
+
+
 @cache
 def unrelated_turns() -> tuple[Array, ...]:
     """Rotations (3, 3) spread over all orientations by a fixed seed, none of them near to no turn at all."""

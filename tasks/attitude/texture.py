@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.flips import PLACES, Flip
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -93,10 +94,10 @@ class Texture:
         return together / float(np.sqrt(own * other)), together / other
 
 
-def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: str | None = None) -> Texture | None:
+def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: Flip | None = None) -> Texture | None:
     """The markings of the image under the disk of `pose`; None where too few lit pixels are usable.
 
-    flip: one of `symmetries`, by which the picture is flipped about the disk's centre beforehand.
+    flip: how the picture is flipped about the disk's centre beforehand.
     """
     radius = disk_radius_px(pose, scene.camera, scene.target)
     lit = np.pi * radius**2 * (1 + np.cos(np.radians(pose.phase_deg))) / 2
@@ -115,7 +116,7 @@ def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: str | N
     inside = usable & (mu > inner) & (mu0 > DUSK)
     if inside.sum() < FEWEST_PX:
         return None
-    away = (xy - (centre + (window.x0, window.y0))) / radius
+    away = (xy - scene.camera.project(pose.target_in_camera_km)) / radius
     sky = usable & (np.hypot(away[..., 0], away[..., 1]) > 1 + (rim + 1.0) / radius)
     level = float(np.median(image[sky])) if sky.sum() >= FEWEST_PX else 0.0
     laws = np.stack([law(mu0[inside], mu[inside], pose.phase_deg) for law in BASES["mixture"]], axis=1)
@@ -218,20 +219,8 @@ def sampled(albedo: NDArray[np.float32], left_edge_deg: float, points: Array) ->
     return np.asarray(upper * (1 - b) + lower * b, np.float64)
 
 
-# How a picture may have been flipped or turned: new (x, y), about the centre, from the old ones.
-SYMMETRIES: dict[str, NDArray[np.float64]] = {
-    "x": np.array([[-1.0, 0.0], [0.0, 1.0]]),
-    "y": np.array([[1.0, 0.0], [0.0, -1.0]]),
-    "rot90": np.array([[0.0, -1.0], [1.0, 0.0]]),
-    "rot180": np.array([[-1.0, 0.0], [0.0, -1.0]]),
-    "rot270": np.array([[0.0, 1.0], [-1.0, 0.0]]),
-    "transpose": np.array([[0.0, 1.0], [1.0, 0.0]]),
-    "antitranspose": np.array([[0.0, -1.0], [-1.0, 0.0]]),
-}
-
-
 def flipped_about(
-    image: Array, noise: Array, usable: NDArray[np.bool_], centre: Array, flip: str
+    image: Array, noise: Array, usable: NDArray[np.bool_], centre: Array, flip: Flip
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
     """The three planes (ny, nx) flipped about `centre` (2,), px: what a picture flipped so would show there."""
     import cv2
@@ -239,11 +228,10 @@ def flipped_about(
     ny, nx = image.shape
     y, x = np.mgrid[0:ny, 0:nx]
     # The picture as it should be has at p what this one has at the inverse of the flip, which is its transpose.
-    there = np.stack([x - centre[0], y - centre[1]], axis=-1) @ SYMMETRIES[flip] + centre
+    there = np.stack([x - centre[0], y - centre[1]], axis=-1) @ PLACES[flip] + centre
     u, v = (there[..., k].astype(np.float32) for k in (0, 1))
     planes = [
         cv2.remap(plane.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=0)
         for plane in (image, noise, usable)
     ]
     return planes[0].astype(np.float64), planes[1].astype(np.float64), planes[2] > 0.999
-

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
-from catalog.pose import Pose
+from catalog.pose import POSE_KEYS, Pose
 from tasks.correction import Correction
 from tasks.joint.bending import Bending, DistortionError, displacement_of
 from tasks.joint.estimate import (
@@ -58,7 +58,8 @@ def find_pose_jointly(
     `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
     pixels are usable.
     """
-    priors = getattr(settings.priors, source) if isinstance(source, str) else settings.priors.of(source)
+    sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
+    priors = settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
     is_held = "attitude" in settings.hold
     if is_uniform(scene):

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
-from tasks.attitude.markings import Markings, evidence_of, is_better, judged, measurements
+from tasks.attitude.markings import Markings, evidence_of, judged, measurements, mismatch_of
 from tasks.attitude.texture import Texture, texture_of
 from tasks.joint.estimate import Estimate
-from tasks.joint.parameters import ATTITUDE, State
+from tasks.joint.outline import outline_spread
+from tasks.joint.parameters import ATTITUDE, PSF, State, difference
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -28,8 +29,11 @@ Solve = Callable[[State, bool], tuple[Estimate, Told | None]]
 
 # A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas bear it out.
 CONFLICT_SIGMAS, STRONG_SIGMAS = 3.0, 8.0
-# Turns that move the middle of the disk by less need no confirmation.
-NEGLECTED_PX = 0.3
+# A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
+# predicted orientation, or where it moves the middle of the disk by less than so many pixels.
+BORNE_OUT, NEGLECTED_PX = 16.0, 0.1
+# What a small turn moves is extrapolated to the prior's sigma by no more than this.
+MOST_STRETCH = 3.0
 # At a maximum of the evidence the image's own error of the orientation, in pixels of the disk's middle, is not below.
 LEAST_ERROR_PX = 0.1
 
@@ -37,16 +41,18 @@ LEAST_ERROR_PX = 0.1
 @dataclass(frozen=True)
 class Orientation:
     """markings: the verdict at the product's orientation. kept: `image` where the joint solution's turn is the
-    product's, `prior` where the body stays as predicted. turn_deg: how far the image's solution turned the body."""
+    product's, `prior` where the body stays as predicted. turn_deg: how far the image's solution turned the body.
+    gained: how much more evidence the markings give for it than for the predicted orientation. conflict: a doubt."""
 
     markings: Markings
     kept: str
     turn_deg: float | None = None
+    gained: float | None = None
     conflict: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {**self.markings.to_dict(), "kept": self.kept, "turn_deg": self.turn_deg}
+        return {**self.markings.to_dict(), "kept": self.kept, "turn_deg": self.turn_deg, "gained": self.gained}
 
 
 def oriented(
@@ -68,7 +74,7 @@ def oriented(
     estimate, led = solve(start, is_held)
     prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
     if np.ptp(scene.basemap.albedo) == 0:
-        return with_prior(estimate, estimate, sigmas, is_held), led, Orientation(Markings("no-map"), "prior")
+        return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
     verdict, texture = judged_at(observation, estimate.state.pose, scene, prior_deg)
     if is_held:
         return estimate, led, Orientation(verdict, "prior")
@@ -80,22 +86,26 @@ def oriented(
             if verdict_again.verdict == "matched" and (verdict_again.sigmas or 0) > (verdict.sigmas or 0):
                 estimate, led, verdict, texture = again, led_again, verdict_again, texture_again
     turn = turn_between(estimate.state.pose, metadata.pose)
-    turn_deg = float(np.linalg.norm(vector_deg_from_rotation(turn)))
-    if texture is not None and verdict.verdict == "matched" and is_borne_out(texture, turn, sigmas, estimate):
-        conflict = conflict_of(turn_deg, prior_deg, verdict)
-        return with_least_error(estimate, texture), led, Orientation(verdict, "image", turn_deg, conflict)
+    turn_deg = vector_deg_from_rotation(turn)
+    angle = float(np.linalg.norm(turn_deg))
+    gain = None
+    if texture is not None and verdict.verdict == "matched" and says_more(estimate, sigmas):
+        gain = gained(texture, turn)
+        doubtful = gain < BORNE_OUT and angle > NEGLECTED_PX * texture.pixel_deg
+        if not doubtful or (gain > -BORNE_OUT and angle <= prior_deg):
+            conflict = conflict_of(angle, prior_deg, verdict)
+            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
+            return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
     held, led = solve(predicted, True)
     verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
     # Two orientations that both fail are no match, and what no flow could follow is none either.
     if not markings_match and verdict_there.verdict == "undetermined":
         verdict_there = replace(verdict_there, verdict="mismatched")
-    return with_prior(held, estimate, sigmas, False), led, Orientation(verdict_there, "prior", turn_deg)
+    return with_prior(held, estimate, sigmas, False, scene), led, Orientation(verdict_there, "prior", angle, gain)
 
 
-def judged_at(
-    observation: Observation, pose: Pose, scene: Scene, prior_deg: float
-) -> tuple[Markings, Texture | None]:
+def judged_at(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> tuple[Markings, Texture | None]:
     """The verdict at a pose, and the texture that it is about."""
     texture = texture_of(observation, pose, scene)
     return (Markings("undetermined") if texture is None else judged(texture, prior_deg)), texture
@@ -119,44 +129,40 @@ def within_prior(pose: Pose, predicted: Pose, prior_deg: float) -> bool:
     return bool(np.linalg.norm(turn) < 2 * CONFLICT_SIGMAS * prior_deg)
 
 
-def is_borne_out(texture: Texture, back: Array, sigmas: Array, estimate: Estimate) -> bool:
-    """Whether the solution's orientation matches the markings better than the predicted one, which the rotation `back`
-    (3, 3) leads to; and whether the image says more of it than the prior."""
-    own = np.sqrt(np.diag(estimate.covariance)[ATTITUDE])
-    if (own > sigmas[ATTITUDE]).any():
-        return False
-    if np.radians(np.linalg.norm(vector_deg_from_rotation(back))) * 180 / np.pi < NEGLECTED_PX * texture.pixel_deg:
-        return True
+def says_more(estimate: Estimate, sigmas: Array) -> bool:
+    """Whether the solution knows the orientation better than its prior of 1-sigma `sigmas` (8,), about each axis."""
+    return bool((np.sqrt(np.diag(estimate.covariance)[ATTITUDE]) <= sigmas[ATTITUDE]).all())
+
+
+def gained(texture: Texture, back: Array) -> float:
+    """By how much the evidence at the solution's orientation exceeds that at the predicted one, which the rotation
+    `back` (3, 3) leads to."""
     independent = measurements(texture)
     here = evidence_of(texture.correlations(np.eye(3)), independent)
-    there = evidence_of(texture.correlations(back), independent)
-    return here > there
+    return here - evidence_of(texture.correlations(back), independent)
 
 
-def with_least_error(estimate: Estimate, texture: Texture) -> Estimate:
-    """The estimate with no smaller error of the orientation than LEAST_ERROR_PX."""
+def with_least_error(estimate: Estimate, texture: Texture, spread_deg: Array) -> Estimate:
+    """The estimate with no smaller error of the orientation than LEAST_ERROR_PX, and than `spread_deg` (3,), a rotation
+    vector, along that."""
     least = np.zeros_like(estimate.covariance)
     least[ATTITUDE, ATTITUDE] = np.eye(3) * (LEAST_ERROR_PX * texture.pixel_deg) ** 2
-    return replace(
-        estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least
-    )
+    least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
+    return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
 
 
-def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool) -> Estimate:
+def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool, scene: Scene) -> Estimate:
     """`held`, solved at the predicted orientation, with that known by its prior of 1-sigma `sigmas` (8,); all else is
-    known less well as it follows the orientation in `free`, solved without holding it."""
+    known less well, as far as it moved in `free`, solved without holding it, the more the wider the prior is."""
     if is_held or not np.isfinite(sigmas[ATTITUDE]).all():
         return held
-    own = free.covariance[ATTITUDE, ATTITUDE]
-    prior = np.diag(sigmas[ATTITUDE] ** 2)
-    follows = np.zeros((len(sigmas), 3))
-    if np.diag(own).all():
-        follows = free.covariance[:, ATTITUDE] @ np.linalg.inv(own)
-    follows[ATTITUDE] = np.eye(3)
-    spread = follows @ prior @ follows.T
-    return replace(
-        held, covariance=held.covariance + spread, free_covariance=held.free_covariance + spread
-    )
+    moved = difference(free.state, held.state, scene.camera)
+    prior_deg, angle = float(np.max(sigmas[ATTITUDE])), float(np.linalg.norm(moved[ATTITUDE]))
+    moved *= prior_deg / max(angle, prior_deg / MOST_STRETCH)
+    moved[ATTITUDE], moved[PSF] = 0, 0
+    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg)
+    spread[ATTITUDE, ATTITUDE] = np.diag(sigmas[ATTITUDE] ** 2)
+    return replace(held, covariance=held.covariance + spread, free_covariance=held.free_covariance + spread)
 
 
 def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | None:
@@ -174,15 +180,3 @@ def doubt_of_markings(orientation: Orientation) -> str | None:
     if orientation.markings.verdict != "mismatched":
         return orientation.conflict
     return mismatch_of(orientation.markings)
-
-
-def mismatch_of(markings: Markings) -> str:
-    """Why the markings do not match, as `code: fault. Remedy.`"""
-    seen = "the map's markings are not seen where the orientation puts them"
-    if markings.better_deg is not None:
-        angle = float(np.linalg.norm(markings.better_deg))
-        seen = f"the map's markings match better ({markings.better_sigmas:.0f} sigmas) with the body turned by {angle:.1f} deg"
-    return (
-        f"markings-do-not-match: {seen} (correlation {markings.correlation:.2f}). Check the predicted attitude, the "
-        f"target, whether the picture is mirrored or turned (--flip), and the base map."
-    )

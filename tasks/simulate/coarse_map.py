@@ -41,9 +41,7 @@ def _averaged(kept: _Kept, factor: int, sigma: float) -> Image:
     albedo = kept.basemap.albedo
     rows, columns = albedo.shape
     if factor > 1:
-        albedo = cv2.resize(
-            albedo, (max(columns // factor, 4), max(rows // factor, 2)), interpolation=cv2.INTER_AREA
-        )
+        albedo = cv2.resize(albedo, (max(columns // factor, 4), max(rows // factor, 2)), interpolation=cv2.INTER_AREA)
     if sigma < MIN_SMOOTHING:
         return albedo
     rim = int(np.ceil(4 * sigma))
