@@ -31,7 +31,8 @@ LEAST_CONTRAST, ABSENT_SIGMAS = 0.25, 4.0
 # How far around the search looks, in sigmas of the prior; into so many steps per side.
 REACH_SIGMAS, STEPS, MOST_REACH_DEG = 3.3, 2, 30.0
 REFINED, ROUNDS = 2, 5
-OWN_PEAK_PX = 1.5
+OTHER_LONGITUDE_DEG, LONGITUDE_STEP_DEG = 20.0, 10.0
+OWN_PEAK_PX = 2.5
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,11 @@ def judged_markings(observation: Observation, pose: Pose, scene: Scene, prior_de
 
 def judged(texture: Texture, prior_deg: float) -> Markings:
     """The verdict on the orientation at which `texture` was made."""
-    independent = measurements(texture)
+    by_chance = np.array([texture.correlations(turn) for turn in unrelated_turns()])
+    independent = measurements_of(by_chance, len(texture.value))
+    other = max(evidence_of(found, independent) for found in by_chance)
+    around, other_longitude = best_longitude(texture, independent)
+    other = max(other, other_longitude)
     here = evidence_of(texture.correlations(np.eye(3)), independent)
     overall, contrast = texture.correlation(np.eye(3))
     turn, found = best_turn(texture, independent, prior_deg)
@@ -87,7 +92,10 @@ def judged(texture: Texture, prior_deg: float) -> Markings:
     if found > FOUND and is_better(found, here) and elsewhere:
         told |= {"better_deg": turn, "better_sigmas": signed_root(found)}
         return Markings("mismatched", **told)
-    if here > SEEN:
+    if other_longitude > FOUND and is_better(other_longitude, here):
+        told |= {"better_deg": around, "better_sigmas": signed_root(other_longitude)}
+        return Markings("mismatched", **told)
+    if here > SEEN and is_better(here, other):
         return Markings("matched", **told)
     contrasts, errors = contrasts_of(texture, independent)
     weight = errors**-2.0
@@ -109,10 +117,23 @@ def signed_root(evidence: float) -> float:
 
 
 def measurements(texture: Texture) -> Array:
-    """How many independent measurements the disk holds of each size of markings: one over the mean square of the
-    correlations by chance."""
-    by_chance = np.array([texture.correlations(turn) for turn in unrelated_turns()])
-    return np.clip(1 / np.maximum((by_chance**2).mean(axis=0), 1e-9), 1.0, len(texture.value))
+    """How many independent measurements the disk holds of each size of markings."""
+    return measurements_of(np.array([texture.correlations(turn) for turn in unrelated_turns()]), len(texture.value))
+
+
+def measurements_of(by_chance: Array, pixels: int) -> Array:
+    """The same from the correlations by chance (turns, sizes): one over their mean square, at most one per pixel."""
+    return np.clip(1 / np.maximum((by_chance**2).mean(axis=0), 1e-9), 1.0, pixels)
+
+
+def best_longitude(texture: Texture, independent: Array) -> tuple[Array, float]:
+    """Rotation vector (3,), degrees, of the turn about the body's pole, by OTHER_LONGITUDE_DEG or more, that matches
+    best, and its evidence: bands and caps that follow the latitude match at all of them."""
+    angles = np.arange(OTHER_LONGITUDE_DEG, 360 - OTHER_LONGITUDE_DEG + 1e-6, LONGITUDE_STEP_DEG)
+    turns = np.outer(angles, (0.0, 0.0, 1.0))
+    scores = [evidence_at(texture, independent, turn) for turn in turns]
+    best = int(np.argmax(scores))
+    return turns[best], scores[best]
 
 
 def evidence_of(correlations: Array, independent: Array) -> float:

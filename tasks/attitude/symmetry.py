@@ -15,7 +15,7 @@ SURE_SIGMAS = 8.0
 # A mirror image whose shading fits the disk less well, by this much correlation, is none: the Sun would be elsewhere.
 LESS_LIKE = 0.05
 # How much more of the shading's scatter a mirror image must explain to be believed by that alone.
-LEAST_LIKENESS, MORE_LIKE = 0.8, 0.1
+LEAST_LIKENESS, MORE_LIKE, ENOUGH_PX = 0.8, 0.1, 400
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ def better_flip(
             if evidence > FOUND and is_better(evidence, here):
                 found.append((evidence, Symmetry(flip, "markings", evidence**0.5, likeness)))
                 continue
-        if texture.likeness > max(LEAST_LIKENESS, own.likeness + MORE_LIKE):
+        tells = markings.verdict != "matched" and len(own.value) >= ENOUGH_PX
+        if tells and texture.likeness > max(LEAST_LIKENESS, own.likeness + MORE_LIKE):
             found.append((texture.likeness, Symmetry(flip, "shading", None, likeness)))
     return max(found, key=lambda pair: pair[0])[1] if found else None
 
