@@ -39,7 +39,7 @@ class Texture:
     wrong by, which value has nothing of. weight: (n,) one over the error. likeness: correlation of image and shading.
     noise: share of the value's square that is noise. albedo: map at the pixels' size, its first column's left edge
     at left_edge_deg. pixel_deg: how far the body turns while its middle moves by a pixel. inside: (ny, nx) where the n
-    pixels are. own: the image's markings by size, see `bands`."""
+    pixels are. reduction: how many of the image's pixels one of these is wide. own: the image's markings by size, see `bands`."""
 
     points: Array
     shading: Array
@@ -52,6 +52,7 @@ class Texture:
     left_edge_deg: float
     pixel_deg: float
     inside: NDArray[np.bool_]
+    reduction: int = 1
 
     @cached_property
     def own(self) -> list[Array]:
@@ -151,6 +152,7 @@ def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: Flip | 
         left_edge_deg=scene.basemap.left_edge_deg,
         pixel_deg=float(np.degrees(pixel_rad)),
         inside=cut_to(inside),
+        reduction=n,
     )
 
 

@@ -146,7 +146,7 @@ def with_least_error(estimate: Estimate, texture: Texture, spread_deg: Array) ->
     """The estimate with no smaller error of the orientation than LEAST_ERROR_PX, and than `spread_deg` (3,), a rotation
     vector, along that."""
     least = np.zeros_like(estimate.covariance)
-    least[ATTITUDE, ATTITUDE] = np.eye(3) * (LEAST_ERROR_PX * texture.pixel_deg) ** 2
+    least[ATTITUDE, ATTITUDE] = np.eye(3) * (LEAST_ERROR_PX * texture.pixel_deg / texture.reduction) ** 2
     least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
     return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
 
