@@ -45,8 +45,8 @@ class Reading:
 
     def flipped(self, flip: Flip) -> "Reading":
         """Copy with the picture, its flags and its noise flipped."""
-        planes = {name: getattr(self, name) for name in ("image", "quality", "noise")}
-        return replace(self, **{name: flipped(plane, flip) for name, plane in planes.items() if plane is not None})
+        quality, noise = (None if plane is None else flipped(plane, flip) for plane in (self.quality, self.noise))
+        return replace(self, image=flipped(self.image, flip), quality=quality, noise=noise)
 
 
 class Reader(Protocol):

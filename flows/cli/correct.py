@@ -4,7 +4,7 @@ import os
 import sys
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -179,7 +179,7 @@ def known_flip(text: str | None) -> "Flip | None":
     from catalog.flips import PLACES
 
     if text is None or text in PLACES:
-        return cast("Flip | None", text)
+        return text
     raise typer.BadParameter(f"{text!r} is none of {', '.join(PLACES)}.", param_hint="--flip")
 
 

@@ -39,7 +39,8 @@ class Texture:
     wrong by, which value has nothing of. weight: (n,) one over the error. likeness: correlation of image and shading.
     noise: share of the value's square that is noise. albedo: map at the pixels' size, its first column's left edge
     at left_edge_deg. pixel_deg: how far the body turns while its middle moves by a pixel. inside: (ny, nx) where the n
-    pixels are. reduction: how many of the image's pixels one of these is wide. own: the image's markings by size, see `bands`."""
+    pixels are. reduction: how many of the image's pixels one of these is wide. own: the image's markings by size, see
+    `bands`."""
 
     points: Array
     shading: Array
