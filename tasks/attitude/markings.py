@@ -5,7 +5,7 @@ nothing to do with the body's: their scatter tells how many independent measurem
 """
 
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -73,8 +73,7 @@ def judged_markings(observation: Observation, pose: Pose, scene: Scene, prior_de
 
 def judged(texture: Texture, prior_deg: float) -> Markings:
     """The verdict on the orientation at which `texture` was made."""
-    by_chance = np.array([texture.correlations(turn) for turn in unrelated_turns()])
-    independent = measurements_of(by_chance, len(texture.value))
+    by_chance, independent = chance(texture), measurements(texture)
     other = max(evidence_of(found, independent) for found in by_chance)
     around, other_longitude = best_longitude(texture, independent)
     other = max(other, other_longitude)
@@ -117,13 +116,15 @@ def signed_root(evidence: float) -> float:
 
 
 def measurements(texture: Texture) -> Array:
-    """How many independent measurements the disk holds of each size of markings."""
-    return measurements_of(np.array([texture.correlations(turn) for turn in unrelated_turns()]), len(texture.value))
+    """How many independent measurements the disk holds of each size of markings: one over the mean square of the
+    correlations by chance, at most one per pixel."""
+    return np.clip(1 / np.maximum((chance(texture) ** 2).mean(axis=0), 1e-9), 1.0, len(texture.value))
 
 
-def measurements_of(by_chance: Array, pixels: int) -> Array:
-    """The same from the correlations by chance (turns, sizes): one over their mean square, at most one per pixel."""
-    return np.clip(1 / np.maximum((by_chance**2).mean(axis=0), 1e-9), 1.0, pixels)
+@lru_cache(maxsize=2)
+def chance(texture: Texture) -> Array:
+    """Correlations (turns, sizes) at orientations that have nothing to do with the body's."""
+    return np.array([texture.correlations(turn) for turn in unrelated_turns()])
 
 
 def best_longitude(texture: Texture, independent: Array) -> tuple[Array, float]:

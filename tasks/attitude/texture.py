@@ -32,7 +32,7 @@ FEWEST_PX = 24
 ROUNDS, HUBER = 4, 3.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Texture:
     """points: (n, 3) directions in the body frame of `pose`, of pixels inside the lit disk. shading: (n,) brightness
     without markings. value: (n,) image less shading over its error; smooth: (n, k) orthonormal, what shading may be
