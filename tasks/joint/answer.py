@@ -145,6 +145,8 @@ def as_correction(
     changed, uncertainty = without_held(changed, uncertainty, held)
     if orientation and orientation.kept == "prior" and sigma[ATTITUDE].all():
         changed["attitude_deg"], uncertainty["attitude_deg"] = None, sigma[ATTITUDE].tolist()
+        by_prior = [{"direction": {name: 1.0}, "image_sigma_over_prior": None} for name in NAMES[ATTITUDE]]
+        evidence["held_by_prior"] = [*evidence["held_by_prior"], *by_prior]
     return Correction("joint", estimate.state.pose, changed, uncertainty, evidence, free.converged)
 
 
