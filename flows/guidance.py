@@ -18,6 +18,7 @@ def guidance_of(request: Request) -> dict[str, Any]:
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
         "mask": shown_path(request.mask) if request.mask else None,
+        "flip": request.flip,
         "resumed_from": shown_path(request.resume) if request.resume else None,
     }
 

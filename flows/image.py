@@ -14,6 +14,7 @@ from flows.chain import Chain
 from flows.guidance import guidance_of, is_started_elsewhere, overruled_of, pose_to_resume
 from flows.profile import CORRECTIONS
 from flows.request import (
+    Request,
     basemap_inputs,
     camera_inputs,
     digest_of,
@@ -85,7 +86,8 @@ def ingest(chain: Chain) -> dict[str, Any]:
         "target_name": target_inputs(request),
         "target_names": target_names_digest(),
         "product": request.product,
-    } | label_inputs(request.image)
+    } | flip_inputs(request)
+    inputs |= label_inputs(request.image)
     files = image_files(request.image, inputs)
     return chain.do("ingest", "tasks.ingest.step", inputs, image_places(chain), files=files)
 
@@ -105,7 +107,12 @@ def image_inputs(chain: Chain, frame: dict[str, Any]) -> dict[str, Any]:
     """What the pixels and the label depend on."""
     inputs = {"image": frame["sha256"], "camera": frame["camera"]}
     inputs["target_name"] = target_inputs(chain.request)
-    return inputs | label_inputs(chain.request.image)
+    return inputs | flip_inputs(chain.request) | label_inputs(chain.request.image)
+
+
+def flip_inputs(request: Request) -> dict[str, Any]:
+    """How the user flips the picture, if at all."""
+    return {"flip": request.flip} if request.flip else {}
 
 
 def label_inputs(image: Path) -> dict[str, str]:
@@ -214,8 +221,11 @@ def markings_match(chain: Chain) -> bool:
 
 
 def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:
-    """Compare the limbs."""
+    """Compare the limbs, and the markings where the last step did not."""
+    profile, sources = chain.request.profile, chain.records["pose"].result["sources"]
     inputs = scene | {
+        "orientation": chain.records[latest].result.get("evidence", {}).get("orientation"),
+        "attitude_prior_deg": profile.joint.priors.of(sources).attitude_deg,
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "settings": chain.request.profile.settings_of("validate"),

@@ -10,6 +10,7 @@ from catalog.basemap import MAX_MAP_BYTES, packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
+from catalog.flips import Flip
 from catalog.mask import MAX_MASK_BYTES
 from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
@@ -52,8 +53,8 @@ class Request(BaseModel):
     model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
     environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
     what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
-    not used. resume: an earlier result to start from, see `flows.guidance`. publish_to: URL of an object store that the
-    product is copied to from `store`."""
+    not used. resume: an earlier result to start from, see `flows.guidance`. flip: how the picture is flipped before
+    anything else. publish_to: URL of an object store that the product is copied to from `store`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
@@ -69,6 +70,7 @@ class Request(BaseModel):
     profile: NamedProfile = Field(default_factory=lambda: find_profile(DEFAULT_PROFILE))
     start_offset_px: tuple[FiniteFloat, FiniteFloat] | None = None
     mask: Path | None = None
+    flip: Flip | None = None
     resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
     publish_to: str | None = None

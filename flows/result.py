@@ -27,7 +27,14 @@ EMPTY: dict[str, Any] = {
     "profile": None,
     "warnings": [],
     "profile_origin": None,
-    "guidance": {"start_offset_px": None, "held": [], "mask": None, "resumed_from": None, "overruled": []},
+    "guidance": {
+        "start_offset_px": None,
+        "held": [],
+        "mask": None,
+        "flip": None,
+        "resumed_from": None,
+        "overruled": [],
+    },
     "centre_px": None,
     "offset_px": None,
     "range_factor": None,
@@ -45,6 +52,7 @@ EMPTY: dict[str, Any] = {
         "psf_sigma_px": None,
     },
     "settled": {"passes": None, "pose": None, "attitude": None},
+    "orientation": None,
     "limb_rms_px": None,
     "limb_points": None,
     "similarity": {"before": None, "after": None},
@@ -121,12 +129,19 @@ def corrected(chain: Chain) -> dict[str, Any]:
     published, report = chain.records["publish"].result, chain.records["validate"].result
     folder = product_place(chain)
     return published["correction"] | {
+        "orientation": orientation_of(report),
         "limb_rms_px": report["limb"]["rms_px"],
         "limb_points": report["limb"]["points"],
         "similarity": report["similarity"],
         "cube": f"{folder}/{published['cube']}",
         "overlay": f"{folder}/{published['overlay']}",
     }
+
+
+def orientation_of(report: dict[str, Any]) -> dict[str, Any]:
+    """What bears the orientation out, in the result's words."""
+    told = report["orientation"]
+    return {"markings": told["verdict"], "sigmas": told["sigmas"], "kept": told["kept"]}
 
 
 def product_place(chain: Chain) -> str:

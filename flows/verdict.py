@@ -1,5 +1,6 @@
 """What is believed of a corrected pose: refused outright, doubted, or taken."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -49,12 +50,19 @@ def doubts(chain: Chain) -> list[str]:
     A correction doubts by a text under `doubt` in its evidence; only the last one of a kind is asked.
     """
     last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
-    found = [result.get("evidence", {}).get("doubt") for result in last.values()]
+    superseded = {"attitude"} if is_about_orientation(last) else set()
+    found = [result.get("evidence", {}).get("doubt") for kind, result in last.items() if kind not in superseded]
     if "validate" in last:
-        accept = chain.request.profile.accept
-        report = last["validate"]
-        found += [doubtful_likeness(accept, report), doubtful_limb(accept, report), doubtful_sun(accept, report)]
+        accept, report = chain.request.profile.accept, last["validate"]
+        found += [doubtful_likeness(accept, report), doubtful_limb(accept, report)]
+        found += [doubtful_sun(accept, report), report.get("doubt")]
     return [doubt for doubt in found if doubt]
+
+
+def is_about_orientation(last: Mapping[str, Any]) -> bool:
+    """Whether the product's own orientation was judged: what the flow found of an earlier one is then out of date."""
+    orientation = last.get("validate", {}).get("orientation") or {}
+    return orientation.get("verdict") in ("matched", "mismatched")
 
 
 def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from catalog.basemap import BaseMap, read_map, uniform_map
 from catalog.camera import Camera, camera_from_dict
 from catalog.digest import input_changed
+from catalog.flips import Flip
 from catalog.observation import Frame, Observation
 from catalog.pose import Pose
 from catalog.readers import read_frame
@@ -63,12 +64,13 @@ def frame_of(work: Work) -> Frame:
     """The image file of the work, read with the user's camera and target."""
     given = given_target_of(work)
     name = work.inputs.get("target_name") if given is None else given.name
-    return _frame(work.place("image"), work.inputs["image"], work.places.get("camera"), name)
+    chosen = work.places.get("camera"), name, work.inputs.get("flip")
+    return _frame(work.place("image"), work.inputs["image"], *chosen)
 
 
 @lru_cache(maxsize=IMAGES_IN_MEMORY)
-def _frame(path: Path, sha256: str, camera: str | None, target: str | None) -> Frame:
-    frame = read_frame(path, camera, target)
+def _frame(path: Path, sha256: str, camera: str | None, target: str | None, flip: Flip | None) -> Frame:
+    frame = read_frame(path, camera, target, flip)
     if frame.sha256 != sha256:
         raise input_changed(f"image {path}")
     return frame

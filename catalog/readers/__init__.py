@@ -6,6 +6,7 @@
 from pathlib import Path
 
 from catalog.errors import RefusedError
+from catalog.flips import Flip
 from catalog.observation import Frame
 from catalog.readers.finishing import frame_of_reading
 from catalog.readers.fits import FitsReader
@@ -21,11 +22,12 @@ READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), Picture
 __all__ = ["READERS", "image_is_folder", "read_frame"]
 
 
-def read_frame(path: Path, camera: str | None = None, target: str | None = None) -> Frame:
+def read_frame(path: Path, camera: str | None = None, target: str | None = None, flip: Flip | None = None) -> Frame:
     """The image of a file with all that is known about it.
 
     camera, target: name or TOML file; both override what the label says. Vectors and geometry that the label gives for
-    another target than `target` are dropped.
+    another target than `target` are dropped. flip: applied to the picture, and all that belongs to its pixels, before
+    anything else.
 
     Raises RefusedError, naming the file, the fault and the remedy, for whatever cannot be read as one grey image, and
     for an image whose size is not its camera's.
@@ -43,7 +45,7 @@ def read_frame(path: Path, camera: str | None = None, target: str | None = None)
         reading = reader.read(path)
     except (OSError, MemoryError) as error:
         raise RefusedError("image-unreadable", f"image {path} cannot be read ({error}).") from error
-    return frame_of_reading(path, reading, camera, target)
+    return frame_of_reading(path, reading if flip is None else reading.flipped(flip), camera, target)
 
 
 def _head(path: Path) -> bytes:

@@ -1,6 +1,6 @@
 """What one dialect's reader hands back, and the Protocol that all of them share."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.flips import Flip, flipped
 from catalog.pose import PartialPose
 from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
 from catalog.readers.names import sole_target
@@ -53,6 +54,11 @@ class Reading:
     def target(self) -> str | None:
         """The label's target: the only one that it names, or the only one of several that the catalog knows."""
         return sole_target(self.targets)
+
+    def flipped(self, flip: Flip) -> "Reading":
+        """Copy with the picture, its flags and its noise flipped."""
+        quality, noise = (None if plane is None else flipped(plane, flip) for plane in (self.quality, self.noise))
+        return replace(self, image=flipped(self.image, flip), quality=quality, noise=noise)
 
 
 class Reader(Protocol):

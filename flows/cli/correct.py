@@ -12,6 +12,7 @@ from flows.cli.server_option import Server
 from flows.defaults import DEFAULT_PROFILE
 
 if TYPE_CHECKING:
+    from catalog.flips import Flip
     from flows.places import Place
     from flows.profile import Profile
 
@@ -53,6 +54,10 @@ def correct(
         Text, typer.Option(metavar="GROUPS", help="Do not change: range, attitude, roll, offset, psf (comma list).")
     ] = None,
     mask: Annotated[File, typer.Option(help="Picture of the raw image's size; not 0: do not use the pixel.")] = None,
+    flip: Annotated[
+        Text,
+        typer.Option(metavar="HOW", help="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."),
+    ] = None,
     resume: Annotated[File, typer.Option(help="Product folder, result.json or store to start from.")] = None,
     max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
@@ -70,7 +75,7 @@ def correct(
     chosen = holding(usable_profile(profile, max_passes, quiet), hold)
     usable_kernels(kernels or [])
     names = product_names(files, product or [])
-    offset_px, place = two_numbers(start_offset), writable(store)
+    offset_px, how, place = two_numbers(start_offset), known_flip(flip), writable(store)
     requests = [
         Request(
             image=file,
@@ -87,6 +92,7 @@ def correct(
             profile=chosen,
             start_offset_px=offset_px,
             mask=mask,
+            flip=how,
             resume=resume,
         )
         for file, name in zip(files, names, strict=True)
@@ -192,6 +198,15 @@ def two_numbers(text: str | None) -> tuple[float, float] | None:
     if not isfinite(x) or not isfinite(y):
         raise typer.BadParameter(f"{text!r} is not finite.", param_hint="--start-offset")
     return x, y
+
+
+def known_flip(text: str | None) -> "Flip | None":
+    """One of the ways to flip a picture; anything else is wrong usage."""
+    from catalog.flips import PLACES
+
+    if text is None or text in PLACES:
+        return text
+    raise typer.BadParameter(f"{text!r} is none of {', '.join(PLACES)}.", param_hint="--flip")
 
 
 def warn(result: dict[str, Any]) -> None:

@@ -56,6 +56,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
         pose_file=here(entry.pose_file),
         basemap=here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
+        flip=entry.flip,
         kernels=image_list.kernel_paths(entry, settings.archive) or settings.kernels,
         profile=profile,
         cache=settings.cache,

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 LIT_SIDE_COSINE = 0.6
 # A disk whose terminator is this near its limb is round: all of the limb is seen.
 ROUND_PX = 0.25
+# Rows and columns cross a circle at 4 sqrt(2) places per pixel of its radius, each where the other does less steeply.
+SEGMENTS_PER_RADIUS, SHARE_NEEDED, FEWEST_POINTS = 5.66, 0.25, 6
 
 
 class LimbSettings(BaseModel):
@@ -30,6 +32,11 @@ class LimbSettings(BaseModel):
     max_incidence_deg: float = Field(80.0, gt=0, le=90)
     min_contrast: float = Field(5.0, ge=0)
     min_points: int = Field(16, ge=3)
+
+    def points_needed(self, radius_px: float) -> int:
+        """How many segments a limb must have been measured on: min_points, or a quarter of those of the whole limb
+        where a disk of radius_px is too small to have so many."""
+        return min(self.min_points, max(FEWEST_POINTS, int(np.ceil(SHARE_NEEDED * SEGMENTS_PER_RADIUS * radius_px))))
 
 
 @dataclass(frozen=True)

@@ -35,8 +35,10 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
     if len(edges.shift_px) < min_points:
         raise FailedError(
             "limb-not-measured",
-            f"only {len(edges.shift_px)} segments of the lit limb could be measured, needed {min_points}.",
-            "Too little of the lit limb is in the frame, or range and pointing are far off.",
+            f"only {len(edges.shift_px)} segments of the lit limb could be measured{disk_size(edges, centre_px)}, "
+            f"needed {min_points}.",
+            "Too little of the lit limb is in the frame, range and pointing are far off, or the disk is less than "
+            "8 px across.",
         )
     normal = edges.segments.normal
     rho = np.einsum("ij,ij->i", edges.segments.xy_px - centre_px, normal)
@@ -54,3 +56,11 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
     size = design.shape[1]
     covariance[:size, :size] = np.linalg.pinv(normal_matrix) * sigma**2
     return LimbFit(np.asarray(solution[:2], np.float64), float(solution[2]) if solve_growth else 0.0, covariance, sigma)
+
+
+def disk_size(edges: LimbEdges, centre_px: Array) -> str:
+    """How large the disk is, in words, where some of its limb was measured."""
+    if len(edges.shift_px) == 0:
+        return ""
+    radius = float(np.median(np.linalg.norm(edges.segments.xy_px - centre_px, axis=1)))
+    return f" on a disk of {2 * radius:.0f} px"

@@ -1,14 +1,13 @@
 """The joint step's answer: the estimate as a correction, with what is told of it and why it is doubted."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
-from catalog.pose import Pose
+from catalog.pose import POSE_KEYS, Pose
 from tasks.correction import Correction
 from tasks.joint.bending import Bending, DistortionError, displacement_of
 from tasks.joint.estimate import (
@@ -22,13 +21,15 @@ from tasks.joint.estimate import (
     is_uniform,
     prior_sigmas,
     second_start,
+    with_attitude_held,
     without_markings,
 )
 from tasks.joint.limb_led import led_by_limb
+from tasks.joint.orientation import Orientation, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
-from tasks.joint.uncertainty import untold_directions, with_attitude_of
+from tasks.joint.uncertainty import untold_directions
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
@@ -57,23 +58,27 @@ def find_pose_jointly(
     `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
     pixels are usable.
     """
-    priors = getattr(settings.priors, source) if isinstance(source, str) else settings.priors.of(source)
+    sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
+    priors = settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
+    is_held = "attitude" in settings.hold
     if is_uniform(scene):
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
-    estimate = estimated(observation, start, metadata, sigmas, scene, settings, progress, distortion)
-    unbent = observation
-    if distortion.bending is not None and estimate.bending and estimate.bending.strength:
-        unbent = displaced(observation, displacement_of(estimate.bending.strength, distortion.bending))
-    estimate, led = led_by_limb(unbent, estimate, metadata, sigmas, scene, settings, progress)
+
+    def solve(begin: State, without_turn: bool) -> tuple[Estimate, Told | None]:
+        own = with_attitude_held(settings) if without_turn else settings
+        found = estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+        unbent = observation
+        if distortion.bending is not None and found.bending and found.bending.strength:
+            unbent = displaced(observation, displacement_of(found.bending.strength, distortion.bending))
+        return led_by_limb(unbent, found, metadata, sigmas, scene, own, progress)
+
+    estimate, led, orientation = oriented(observation, solve, start, metadata, sigmas, scene, markings_match, is_held)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
-    if not markings_match:
-        free, product = (with_attitude_of(e, sigmas) for e in (estimate.free_covariance, estimate.covariance))
-        estimate = replace(estimate, free_covariance=free, covariance=product)
-    correction = as_correction(estimate, start, metadata, sigmas, away, scene, led)
+    correction = as_correction(estimate, start, metadata, sigmas, away, scene, led, orientation)
     correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
     correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
     return correction
@@ -87,8 +92,10 @@ def as_correction(
     away_px: float | None,
     scene: Scene,
     led: Told | None = None,
+    orientation: Orientation | None = None,
 ) -> Correction:
-    """The estimate in the words that all steps share. led: what is told where the limb leads."""
+    """The estimate in the words that all steps share. led: what is told where the limb leads. orientation: what the
+    markings say; where the body stays as predicted no turn is told, but its prior's error."""
     step = difference(estimate.state, start, scene.camera)
     sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0))
     free, held = estimate.free, estimate.free.held
@@ -111,12 +118,14 @@ def as_correction(
         "smear": smear_of(estimate.state),
         "bending": told_of(estimate.bending),
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
+        "orientation": orientation.to_dict() if orientation else None,
     }
     if is_uniform(scene):
         evidence["attitude_held"] = "the base map is uniform: pointing, range and roll are from shape and shading alone"
     doubts = [
         doubt_of_convergence(free),
         doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), bool(held[RANGE])),
+        doubt_of_markings(orientation) if orientation else None,
         doubt_of_start(away_px, np.sqrt(np.trace(estimate.free_covariance[OFFSET, OFFSET])), free_sigma * radius),
     ]
     if any(doubts):
@@ -137,7 +146,12 @@ def as_correction(
         "psf_sigma_px": float(sigma[PSF] * estimate.state.psf_sigma_px),
         "range_factor_free": free_sigma,
     }
-    return Correction("joint", estimate.state.pose, *without_held(changed, uncertainty, held), evidence, free.converged)
+    changed, uncertainty = without_held(changed, uncertainty, held)
+    if orientation and orientation.kept == "prior" and sigma[ATTITUDE].all():
+        changed["attitude_deg"], uncertainty["attitude_deg"] = None, sigma[ATTITUDE].tolist()
+        by_prior = [{"direction": {name: 1.0}, "image_sigma_over_prior": None} for name in NAMES[ATTITUDE]]
+        evidence["held_by_prior"] = [*evidence["held_by_prior"], *by_prior]
+    return Correction("joint", estimate.state.pose, changed, uncertainty, evidence, free.converged)
 
 
 def smear_of(state: State) -> dict[str, float] | None:

@@ -57,7 +57,13 @@ def is_uniform(scene: Scene) -> bool:
 
 def without_markings(settings: JointSettings) -> JointSettings:
     """Settings for a target without a map: shape and shading alone, its attitude held."""
-    return settings.model_copy(update={"plain": (), "hold": tuple({*settings.hold, "attitude"})})
+    return with_attitude_held(settings).model_copy(update={"plain": ()})
+
+
+def with_attitude_held(settings: JointSettings) -> JointSettings:
+    """Settings that leave the target's attitude as it is at the start."""
+    held = settings.hold if "attitude" in settings.hold else (*settings.hold, "attitude")
+    return settings.model_copy(update={"hold": held})
 
 
 def prior_sigmas(priors: PriorSettings) -> Array:

@@ -21,24 +21,27 @@ class PriorSettings(BaseModel):
 
 class SourcePriors(BaseModel):
     """Priors by where the predicted pose comes from: trajectories of kernels and labels are known to some ten
-    kilometres, a pose file may hold anything."""
+    kilometres, a pose file may hold anything. unchecked_attitude_deg: the attitude of a pose file for a target without
+    a map, whose markings cannot test it; None takes it for as good as any other file's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     spice: PriorSettings = PriorSettings()
     label: PriorSettings = PriorSettings(range_relative=5e-4)
     file: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
+    unchecked_attitude_deg: float | None = Field(30.0, gt=0)
 
-    def of(self, sources: Mapping[str, str]) -> PriorSettings:
+    def of(self, sources: Mapping[str, str], has_map: bool = True) -> PriorSettings:
         """Each prior by where its part of the pose comes from (keys of `Pose`; the catalog's rotation models are those
-        of kernels)."""
+        of kernels). has_map: whether the target's markings can test the attitude."""
         camera, position, body = (
             getattr(self, sources[part].replace("catalog", "spice"))
             for part in ("camera_from_j2000", "target_from_spacecraft_km", "body_from_j2000")
         )
+        unchecked = self.unchecked_attitude_deg if sources["body_from_j2000"] == "file" else None
         return PriorSettings(
             range_relative=position.range_relative,
             roll_deg=camera.roll_deg,
-            attitude_deg=body.attitude_deg,
+            attitude_deg=body.attitude_deg if has_map or not unchecked else unchecked,
             psf_relative=camera.psf_relative,
         )
 

@@ -184,7 +184,7 @@ def sky_level(source: Source) -> float:
 
 def _map_as_coarse_as_pixels(source: Source) -> BaseMap:
     """The base map averaged to what a pixel sees."""
-    from tasks.joint.surface import map_as_coarse_as
+    from tasks.simulate.coarse_map import map_as_coarse_as
 
     provenance = json.loads(source.attributes["provenance"])
     basemap = map_of_product(provenance.get("basemap", {}), source.target, None, source.folder)

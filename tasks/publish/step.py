@@ -80,10 +80,15 @@ def distortion_of(work: Work, undistort: Record) -> dict[str, Any]:
 
 def limb_of(validate: Record) -> dict[str, Any]:
     """The verdict of the step `validate`, in the result's words."""
-    limb = validate.result["limb"]
+    limb, orientation = validate.result["limb"], validate.result["orientation"]
     return {
         "limb_rms_px": limb["rms_px"],
         "limb_points": limb["points"],
+        "orientation": {
+            "markings": orientation["verdict"],
+            "sigmas": orientation["sigmas"],
+            "kept": orientation["kept"],
+        },
         "similarity": validate.result["similarity"],
     }
 

@@ -14,6 +14,7 @@ from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
 from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 ValidateSettings = LimbSettings
@@ -65,7 +66,7 @@ def validate_limb(
     edges = measure_limb(match, settings)
     wide = with_rim(observation, pose, scene)
     shift, horizontal = edges.shift_px, edges.segments.horizontal
-    enough = len(shift) >= settings.min_points
+    enough = len(shift) >= settings.points_needed(disk_radius_px(pose, scene.camera, scene.target))
     return LimbReport(
         rms_px=_rms(shift) if enough else None,
         mean_px=(_mean(shift[horizontal]), _mean(shift[~horizontal])) if enough else None,

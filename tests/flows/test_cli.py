@@ -27,10 +27,10 @@ ARGUMENTS = [
     "small.png", "--camera", "small.toml", "--target", "europa", "--pose", "pose.json", "--profile", "quick.toml",
 ]  # fmt: skip
 KEYS = [
-    "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "warnings", "profile_origin",
-    "guidance", "centre_px", "offset_px", "range_factor", "attitude_deg", "roll_deg", "range_factor_free",
-    "psf_sigma_px", "uncertainty", "settled", "limb_rms_px", "limb_points", "similarity", "pose", "cube", "overlay",
-    "seconds", "cached",
+    "product", "image", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "warnings",
+    "profile_origin", "guidance", "centre_px", "offset_px", "range_factor", "attitude_deg", "roll_deg",
+    "range_factor_free", "psf_sigma_px", "uncertainty", "settled", "orientation", "limb_rms_px", "limb_points",
+    "similarity", "pose", "cube", "overlay", "seconds", "cached",
 ]  # fmt: skip
 
 

@@ -16,8 +16,11 @@ from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
+from catalog.flips import Flip, flipped
 from catalog.mask import masked, read_mask
 from catalog.observation import Observation, Quality
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg
 from flows.cli import build_app
 from flows.cli.adjust import adjust
 from flows.cli.correct import warn
@@ -254,3 +257,31 @@ def test_a_label_that_names_another_target_is_told_on_stderr_in_result_and_prove
         assert json.loads(cube.attrs["provenance"])["guidance"]["overruled"] == [told]
     warn(result)
     assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {told}"
+
+
+@pytest.mark.parametrize("flip", ["y", "rot90"])
+def test_a_picture_that_is_flipped_back_gives_the_same_pose(
+    flip: Flip, correct: Correct, plain_result: dict[str, Any], tmp_path: Path
+) -> None:
+    here = tmp_path / "here"
+    undo: Flip = "rot270" if flip == "rot90" else flip
+    with Image.open(here / "small.png") as picture:
+        Image.fromarray(flipped(np.asarray(picture), undo)).save(here / "mirrored.png")
+    result = correct("mirrored.png", flip=flip)
+    assert result["guidance"]["flip"] == flip
+    assert result["centre_px"] == pytest.approx(plain_result["centre_px"], abs=0.02)
+    assert result["range_factor"] == pytest.approx(plain_result["range_factor"], abs=2e-4)
+    assert "ingest" not in result["cached"]
+
+
+def test_an_attitude_that_is_held_is_looked_at(correct: Correct, plain_result: dict[str, Any], tmp_path: Path) -> None:
+    path = tmp_path / "here" / "pose.json"
+    pose = Pose.from_dict(json.loads(path.read_text()))
+    about_pole = rotation_from_vector_deg([0.0, 0.0, 180.0])
+    path.write_text(json.dumps(pose.replaced(body_from_j2000=about_pole @ pose.body_from_j2000).to_dict()))
+    result = correct(hold=("attitude",))
+    print(plain_result["orientation"], result["orientation"], result["reason"])
+    assert plain_result["orientation"]["markings"] == "matched"
+    assert result["orientation"]["markings"] == "mismatched"
+    assert result["status"] == "doubtful"
+    assert "markings-do-not-match" in result["reason"]

@@ -12,7 +12,7 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import AcceptSettings
 from flows.result import file_trouble
-from flows.verdict import believe, doubtful_limb, explained, reminded
+from flows.verdict import believe, doubtful_limb, explained, is_about_orientation, reminded
 from tasks.atomic import file_put_in_place, folder_put_in_place
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
@@ -86,3 +86,14 @@ def test_a_store_that_cannot_be_written_is_told_by_its_own_name(
         assert str(tmp_path / "store/C1.v2") in told
         assert ".tmp" not in told
         assert told.endswith("Change its permissions, or name another place.")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "is_told"), [("matched", False), ("mismatched", False), ("undetermined", True), ("no-map", True)]
+)
+def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_was_judged(
+    verdict: str, is_told: bool
+) -> None:
+    last = {"validate": {"orientation": {"verdict": verdict}}}
+    assert is_about_orientation(last) == (not is_told)
+    assert not is_about_orientation({})

@@ -44,9 +44,11 @@ def test_a_target_without_a_map_gets_pointing_range_and_roll_from_shape_and_shad
     assert abs(found.changed["roll_deg"]) < 4 * sigma["roll_deg"]
 
 
-def test_its_attitude_is_held_and_the_result_says_why() -> None:
+def test_its_attitude_stays_as_predicted_known_as_its_prior_says() -> None:
     found, *_ = solved(body_has_markings=False)
+    unchecked = JointSettings().priors.unchecked_attitude_deg
     assert found.changed["attitude_deg"] is None
-    assert found.uncertainty["attitude_deg"] is None
+    assert found.uncertainty["attitude_deg"] == pytest.approx([unchecked] * 3)
+    assert found.evidence["orientation"]["verdict"] == "no-map"
     assert "attitude" in "".join(found.evidence["held"])
     assert "uniform" in found.evidence["attitude_held"]

@@ -5,6 +5,7 @@ from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
+from tasks.simulate.window import disk_radius_px
 
 SETTINGS = LimbSettings()
 
@@ -16,5 +17,6 @@ def register_limb(match: Match) -> Shift:
     attitude do not; it must start within the segments' reach. Raises FailedError when too little limb is measured.
     """
     edges = measure_limb(match, SETTINGS)
-    fit = fit_limb(edges, match.centre_px + match.origin, solve_growth=False, min_points=SETTINGS.min_points)
+    needed = SETTINGS.points_needed(disk_radius_px(match.pose, match.scene.camera, match.scene.target))
+    fit = fit_limb(edges, match.centre_px + match.origin, solve_growth=False, min_points=needed)
     return Shift(fit.offset_px, fit.covariance[:2, :2], 1, correlation(match.image, edges.model, match.usable))

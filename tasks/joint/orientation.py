@@ -1,0 +1,190 @@
+"""The orientation of the joint solution, tested by the markings, and what to keep of it.
+
+Least squares always finds a turn of the body. It is kept where the image's markings bear it out better than the
+predicted orientation; else the body stays as predicted, known as well as its prior says, and centre and range less
+well by their correlation with it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.observation import Observation
+from catalog.pose import Pose
+from catalog.rotation import vector_deg_from_rotation
+from tasks.attitude.markings import Markings, evidence_of, judged, measurements, mismatch_of
+from tasks.attitude.texture import Texture, texture_of
+from tasks.joint.estimate import Estimate
+from tasks.joint.outline import outline_spread
+from tasks.joint.parameters import ATTITUDE, PSF, State, difference
+from tasks.simulate import Scene
+
+Array = NDArray[np.float64]
+# From a start and with or without the orientation held: the estimate, and what is told where the limb leads.
+Told = dict[str, Any]
+Solve = Callable[[State, bool], tuple[Estimate, Told | None]]
+
+# A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas bear it out.
+CONFLICT_SIGMAS, STRONG_SIGMAS = 3.0, 8.0
+# A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
+# predicted orientation, or where it moves the middle of the disk by less than so many pixels.
+BORNE_OUT, NEGLECTED_PX = 16.0, 0.1
+# Two orientations whose evidence differs by less than BORNE_OUT and this share of it are as good as each other
+# (measured: 0.03 at a turn of 0.3 deg on a disk of 60 px radius).
+SAME_SHARE = 0.05
+# What a small turn moves is extrapolated to the prior's sigma by no more than this.
+MOST_STRETCH = 3.0
+# At a maximum of the evidence the image's own error of the orientation, in pixels of the disk's middle, is not below.
+LEAST_ERROR_PX = 0.1
+
+
+@dataclass(frozen=True)
+class Orientation:
+    """markings: the verdict at the product's orientation. kept: `image` where the joint solution's turn is the
+    product's, `prior` where the body stays as predicted. turn_deg: how far the image's solution turned the body.
+    gained: how much more evidence the markings give for it than for the predicted orientation. conflict: a doubt."""
+
+    markings: Markings
+    kept: str
+    turn_deg: float | None = None
+    gained: float | None = None
+    conflict: str | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {**self.markings.to_dict(), "kept": self.kept, "turn_deg": self.turn_deg, "gained": self.gained}
+
+
+def oriented(
+    observation: Observation,
+    solve: Solve,
+    start: State,
+    metadata: State,
+    sigmas: Array,
+    scene: Scene,
+    markings_match: bool,
+    is_held: bool,
+) -> tuple[Estimate, Told | None, Orientation]:
+    """The estimate of `solve` from `start` with the orientation that the image bears out, what the limb told, and the
+    verdict.
+
+    sigmas: (8,) of the priors. markings_match: False where the markings are already known not to be the map's. is_held:
+    whether the user holds the attitude.
+    """
+    estimate, led = solve(start, is_held)
+    prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
+    if np.ptp(scene.basemap.albedo) == 0:
+        return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
+    verdict, texture = judged_at(observation, estimate.state.pose, scene, prior_deg)
+    if is_held:
+        return estimate, led, Orientation(verdict, "prior")
+    if verdict.better_deg is not None:
+        elsewhere = estimate.state.moved(step_of(verdict.better_deg), scene.camera)
+        if within_prior(elsewhere.pose, metadata.pose, prior_deg):
+            again, led_again = solve(elsewhere, False)
+            verdict_again, texture_again = judged_at(observation, again.state.pose, scene, prior_deg)
+            if verdict_again.verdict == "matched" and (verdict_again.sigmas or 0) > (verdict.sigmas or 0):
+                estimate, led, verdict, texture = again, led_again, verdict_again, texture_again
+    turn = turn_between(estimate.state.pose, metadata.pose)
+    turn_deg = vector_deg_from_rotation(turn)
+    angle = float(np.linalg.norm(turn_deg))
+    gain = None
+    if texture is not None and verdict.verdict == "matched" and says_more(estimate, sigmas):
+        gain = gained(texture, turn)
+        doubtful = gain < BORNE_OUT and angle > NEGLECTED_PX * texture.pixel_deg
+        if not doubtful or (gain > -no_difference(verdict) and angle <= prior_deg):
+            conflict = conflict_of(angle, prior_deg, verdict)
+            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
+            return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
+    predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
+    held, led = solve(predicted, True)
+    verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
+    # Two orientations that both fail are no match, and what no flow could follow is none either.
+    if not markings_match and verdict_there.verdict == "undetermined":
+        verdict_there = replace(verdict_there, verdict="mismatched")
+    return with_prior(held, estimate, sigmas, False, scene), led, Orientation(verdict_there, "prior", angle, gain)
+
+
+def judged_at(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> tuple[Markings, Texture | None]:
+    """The verdict at a pose, and the texture that it is about."""
+    texture = texture_of(observation, pose, scene)
+    return (Markings("undetermined") if texture is None else judged(texture, prior_deg)), texture
+
+
+def step_of(turn_deg: Array) -> Array:
+    """A turn of the body as a step (8,) of the unknowns."""
+    step = np.zeros(ATTITUDE.stop + 1)
+    step[ATTITUDE] = turn_deg
+    return step
+
+
+def turn_between(pose: Pose, predicted: Pose) -> Array:
+    """The rotation (3, 3), in the body frame of `pose`, that turns its body to the predicted orientation."""
+    return np.asarray((predicted.body_from_j2000 @ pose.body_from_j2000.T).T)
+
+
+def within_prior(pose: Pose, predicted: Pose, prior_deg: float) -> bool:
+    """Whether the orientation is one that the prior allows at all."""
+    turn = vector_deg_from_rotation(turn_between(pose, predicted))
+    return bool(np.linalg.norm(turn) < 2 * CONFLICT_SIGMAS * prior_deg)
+
+
+def says_more(estimate: Estimate, sigmas: Array) -> bool:
+    """Whether the solution knows the orientation better than its prior of 1-sigma `sigmas` (8,), about each axis."""
+    return bool((np.sqrt(np.diag(estimate.covariance)[ATTITUDE]) <= sigmas[ATTITUDE]).all())
+
+
+def no_difference(verdict: Markings) -> float:
+    """Differences of evidence that say nothing: chance, and what maps get wrong, which grows with the evidence."""
+    return BORNE_OUT + SAME_SHARE * (verdict.sigmas or 0.0) ** 2
+
+
+def gained(texture: Texture, back: Array) -> float:
+    """By how much the evidence at the solution's orientation exceeds that at the predicted one, which the rotation
+    `back` (3, 3) leads to."""
+    independent = measurements(texture)
+    here = evidence_of(texture.correlations(np.eye(3)), independent)
+    return here - evidence_of(texture.correlations(back), independent)
+
+
+def with_least_error(estimate: Estimate, texture: Texture, spread_deg: Array) -> Estimate:
+    """The estimate with no smaller error of the orientation than LEAST_ERROR_PX, and than `spread_deg` (3,), a rotation
+    vector, along that."""
+    least = np.zeros_like(estimate.covariance)
+    least[ATTITUDE, ATTITUDE] = np.eye(3) * (LEAST_ERROR_PX * texture.pixel_deg / texture.reduction) ** 2
+    least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
+    return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
+
+
+def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool, scene: Scene) -> Estimate:
+    """`held`, solved at the predicted orientation, with that known by its prior of 1-sigma `sigmas` (8,); all else is
+    known less well, as far as it moved in `free`, solved without holding it, the more the wider the prior is."""
+    if is_held or not np.isfinite(sigmas[ATTITUDE]).all():
+        return held
+    moved = difference(free.state, held.state, scene.camera)
+    prior_deg, angle = float(np.max(sigmas[ATTITUDE])), float(np.linalg.norm(moved[ATTITUDE]))
+    moved *= prior_deg / max(angle, prior_deg / MOST_STRETCH)
+    moved[ATTITUDE], moved[PSF] = 0, 0
+    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg)
+    spread[ATTITUDE, ATTITUDE] = np.diag(sigmas[ATTITUDE] ** 2)
+    return replace(held, covariance=held.covariance + spread, free_covariance=held.free_covariance + spread)
+
+
+def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | None:
+    """The doubt that a turn raises which its prior hardly allows, unless the markings bear it out strongly."""
+    if turn_deg <= CONFLICT_SIGMAS * prior_deg or (verdict.sigmas or 0.0) >= STRONG_SIGMAS:
+        return None
+    return (
+        f"orientation-conflict: the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
+        f"(1 sigma), and its markings bear that out by only {verdict.sigmas:.1f} sigmas. Check body_from_j2000."
+    )
+
+
+def doubt_of_markings(orientation: Orientation) -> str | None:
+    """The doubt that markings raise which are not where the orientation has them."""
+    if orientation.markings.verdict != "mismatched":
+        return orientation.conflict
+    return mismatch_of(orientation.markings)
