@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|faults|reprocess|deploy|throughput"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|honesty|faults|reprocess|deploy|throughput"""
 
 from typing import Annotated
 
@@ -6,6 +6,7 @@ import typer
 
 from flows.cli.faults import faults, reprocess
 from flows.cli.fuzz import fuzz
+from flows.cli.honesty import honesty
 from flows.cli.rehearsal import deploy, throughput
 
 
@@ -18,6 +19,7 @@ def register(app: typer.Typer) -> None:
     group.command()(steps)
     group.command()(index)
     group.command()(fuzz)
+    group.command()(honesty)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)
