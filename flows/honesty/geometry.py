@@ -11,6 +11,8 @@ from catalog.target import find_target
 from flows.honesty.scene import (
     ATTITUDE_SIGMA_DEG,
     CUT_SIGMAS,
+    GOOD_ATTITUDE_SIGMA_DEG,
+    GOOD_RANGE_SIGMA,
     LENSES,
     MASTER_SEED,
     RANGE_SIGMA,
@@ -108,17 +110,19 @@ def cut_normal(random: np.random.Generator, sigma: float, size: int | None = Non
 def planted_errors(scene: Scene) -> dict[str, Any]:
     """What the metadata get wrong: offset_px (2,) and roll_deg of the camera, range_factor, attitude_deg (3,) rotation
     vector of the body in its frame, sun_off_deg, focal_error. Range and attitude are drawn from what a pose file is
-    believed to be good for, an offset of 5-40 px has any direction."""
+    believed to be good for, or a kernel; an offset of 5-40 px has any direction."""
     random = random_of(scene, 1)
+    good = scene.metadata == "good"
+    range_sigma = GOOD_RANGE_SIGMA if good else RANGE_SIGMA
     length, angle = random.uniform(5, 40), random.uniform(0, 2 * np.pi)
-    attitude = cut_normal(random, ATTITUDE_SIGMA_DEG, 3)
+    attitude = cut_normal(random, GOOD_ATTITUDE_SIGMA_DEG if good else ATTITUDE_SIGMA_DEG, 3)
     if scene.orientation_deg is not None:
         axis = random.normal(size=3)
         attitude = axis / np.linalg.norm(axis) * scene.orientation_deg
     return {
         "offset_px": [length * np.cos(angle), length * np.sin(angle)],
         "roll_deg": cut_normal(random, ROLL_SIGMA_DEG),
-        "range_factor": 1 + cut_normal(random, RANGE_SIGMA),
+        "range_factor": 1 + cut_normal(random, range_sigma),
         "attitude_deg": [float(a) for a in attitude],
         "sun_off_deg": scene.sun_off_deg,
         "focal_error": scene.focal_error,

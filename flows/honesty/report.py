@@ -16,7 +16,8 @@ OK_SHARE, WITHIN_1, WITHIN_2 = 0.92, (0.60, 0.76), 0.93
 
 def summary(rows: list[Row]) -> Row:
     """Figures of all rows, plain JSON. calibration is of the solvable scenes that are `ok`: shares of components within
-    1 and 2 stated sigmas, of all, per law and per class of radius. bars: whether each of the benchmark's bars holds."""
+    1 and 2 stated sigmas, of all, per law, class of radius and kind of metadata. not_ok: solvable scenes that are not
+    `ok`. bars: whether each of the benchmark's bars holds."""
     assessed = [(row, assess(row)) for row in rows]
     wrong = [entry | {"planted": planted(row)} for row, errors in assessed for entry in violations(row, errors)]
     solvable = [row for row in rows if row["scene"]["solvable"]]
@@ -25,6 +26,7 @@ def summary(rows: list[Row]) -> Row:
         "all": {"all": within(ok)},
         "law": by(ok, lambda row: row["scene"]["law"]),
         "radius": by(ok, lambda row: row["scene"]["size_class"]),
+        "metadata": by(ok, lambda row: row["scene"]["metadata"]),
     }
     ok_share = len(ok) / len(solvable) if solvable else None
     cpu = [sum(row["cpu_s"].values()) for row in rows]
@@ -33,13 +35,32 @@ def summary(rows: list[Row]) -> Row:
         "statuses": dict(Counter(row["result"]["status"] for row in rows)),
         "solvable": len(solvable),
         "solvable_ok": len(ok),
+        "solvable_ok_by_metadata": {
+            kind: [
+                sum(pair[0]["scene"]["metadata"] == kind for pair in ok),
+                sum(r["scene"]["metadata"] == kind for r in solvable),
+            ]
+            for kind in ("good", "rough")
+        },
+        "not_ok": [
+            {
+                "id": row["id"],
+                "status": row["result"]["status"],
+                "reason": row["result"]["reason"],
+                "planted": planted(row),
+            }
+            for row in solvable
+            if row["result"]["status"] != "ok"
+        ],
         "groups": {name: group_figures(group) for name, group in grouped(assessed).items()},
         "violations": wrong,
         "calibration": calibration,
         "bars": {
             "no_wrong_ok": not wrong,
             "solvable_ok": ok_share is not None and ok_share >= OK_SHARE,
-            "calibrated": all(is_calibrated(figures) for kind in calibration.values() for figures in kind.values()),
+            "calibrated": all(
+                is_calibrated(figures) for kind in ("all", "law", "radius") for figures in calibration[kind].values()
+            ),
         },
         "cpu_s": {
             "render": sum(row["cpu_s"]["render"] for row in rows),

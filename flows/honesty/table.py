@@ -39,8 +39,8 @@ def all_scenes() -> tuple[Scene, ...]:
 
 
 def usual(random: Draw, place: int, **fields: Any) -> Fields:
-    """Fields of an ordinary scene, `place` of its group: lenses, bodies and laws take turns, phase and radius are
-    drawn; what is given stays. Large disks get larger frames."""
+    """Fields of an ordinary scene, `place` of its group: lenses, bodies and laws take turns, phase, radius and
+    how good the metadata are are drawn; what is given stays. Large disks get larger frames."""
     law = str(fields.pop("law", LAWS[(place * 5 + place // 6) % len(LAWS)]))
     radius = float(fields.pop("radius_px", random.uniform(45, 110)))
     lens = str(fields.pop("lens", LENS_NAMES[place % 4]))
@@ -59,6 +59,7 @@ def usual(random: Draw, place: int, **fields: Any) -> Fields:
         "psf_factor": random.uniform(0.85, 1.2),
         "wings": random.uniform(0.0, 0.08),
         "exposure": random.uniform(0.5, 0.9),
+        "metadata": "good" if random.uniform() < 0.5 else "rough",
     }
     return own | fields
 

@@ -17,6 +17,9 @@ def markdown(figures: Row) -> str:
     lines = [
         f"{figures['scenes']} scenes: {statuses}. Of {figures['solvable']} solvable ones {figures['solvable_ok']} are "
         f"`ok`{share(figures['solvable_ok'], figures['solvable'])}. Wrong with `ok`: {images} scenes.",
+        "Of them with good and rough metadata: "
+        + ", ".join(f"{ok} of {all_}{share(ok, all_)}" for ok, all_ in figures["solvable_ok_by_metadata"].values())
+        + ".",
         f"Processor time: rendering {cpu['render'] / 60:.1f} min, corrections {cpu['correct'] / 60:.1f} min.",
         "",
         *groups(figures["groups"]),
@@ -24,6 +27,8 @@ def markdown(figures: Row) -> str:
         *calibration(figures["calibration"]),
         "",
         *violation_lines(wrong),
+        "",
+        *not_ok_lines(figures["not_ok"]),
     ]
     return "\n".join(lines) + "\n"
 
@@ -93,4 +98,15 @@ def violation_lines(wrong: list[Row]) -> list[str]:
         by = f"{entry['size']:.4g} {UNITS[entry['kind']] if entry['kind'] != 'range' else 'px of radius'}"
         z = number(entry["z"], ".1f") or "none stated"
         lines.append(row_of([entry["id"], entry["group"], entry["kind"], by, parts, sigma, z, entry["planted"]]))
+    return lines
+
+
+def not_ok_lines(missed: list[Row]) -> list[str]:
+    """Solvable scenes that are not `ok`."""
+    if not missed:
+        return ["Every solvable scene is `ok`."]
+    lines = [row_of(["solvable, not ok", "status", "reason", "planted"]), row_of(["---"] * 4)]
+    for entry in missed:
+        reason = (entry["reason"] or "").replace("|", "/")[:160]
+        lines.append(row_of([entry["id"], entry["status"], reason, entry["planted"]]))
     return lines
