@@ -4,8 +4,8 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 MASTER_SEED = 20261130
-# What a pose file is believed to be good for (`joint.priors.file`): errors of rough metadata are drawn from it; those of
-# good metadata are as of kernels. Both are cut at so many sigmas.
+# What a pose file is believed to be good for (`joint.priors.file`): errors of rough metadata are drawn from it, those
+# of good metadata from less. Both are cut at so many sigmas.
 RANGE_SIGMA, ATTITUDE_SIGMA_DEG, ROLL_SIGMA_DEG, CUT_SIGMAS = 0.02, 3.0, 0.1, 2.0
 GOOD_RANGE_SIGMA, GOOD_ATTITUDE_SIGMA_DEG = 0.003, 0.5
 # How far a map's coordinates lie from the body's, about each axis: two maps of Europa differ by 0.1 deg in both.
@@ -56,9 +56,9 @@ class Scene:
     `map` (the packaged map with errors), `procedural`, `shuffled` (markings of another seed), or the name of another
     packaged map. given: the estimator's map: `map`, `procedural`, `none` (uniform), or the name of a packaged map.
     map_noise, map_contrast: see `solids.with_map_errors`. orientation_deg: planted turn of the body about a random
-    axis; None draws it, as range and pointing are. metadata: `good` or `rough`, what their errors are drawn from. sun_off_deg: how far the metadata's Sun is off.
-    picture: `as-is`, `mirrored-x`, `mirrored-y`, `turned-90`, `turned-180`. exposure: peak over full well. signal:
-    peak in DN over the full well's, noise as of the lens. same_range: of a wrong target: metadata with its true range.
+    axis; None draws it, as range and pointing are. metadata: `good` or `rough`, what their errors are drawn from.
+    sun_off_deg: how far the metadata's Sun is off. picture: `as-is`, `mirrored-x`, `mirrored-y`, `turned-90`,
+    `turned-180`. exposure: peak over full well. same_range: of a wrong target: metadata with its true range.
     """
 
     id: str
