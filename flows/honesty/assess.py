@@ -70,7 +70,8 @@ def with_sigmas(error: Array, covariance: Array) -> Row:
         return told | {"sigma": None, "z": None, "mahalanobis": None}
     unit = covariance / np.outer(sigmas, sigmas)
     scaled = error / sigmas
-    distance = float(np.sqrt(max(scaled @ np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ scaled, 0.0)))
+    squared = float(scaled @ np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ scaled)
+    distance = float(np.sqrt(max(squared, 0.0)))
     return told | {"sigma": sigmas.tolist(), "z": scaled.tolist(), "mahalanobis": distance}
 
 

@@ -165,14 +165,11 @@ def expose(scene: Scene, light: Array) -> NDArray[np.int16]:
         gamma=scene.gamma,
         hot=scene.hot,
     )
-    turned = {
-        "mirrored-x": np.fliplr,
-        "mirrored-y": np.flipud,
-        "turned-90": np.rot90,
-        "turned-180": lambda picture: np.rot90(picture, 2),
-    }
     raw = detector.expose(light, random_of(scene, 6))
-    return np.ascontiguousarray(turned[scene.picture](raw)) if scene.picture != "as-is" else raw
+    if scene.picture.startswith("mirrored"):
+        return np.ascontiguousarray(np.flip(raw, axis={"mirrored-x": 1, "mirrored-y": 0}[scene.picture]))
+    quarters = {"as-is": 0, "turned-90": 1, "turned-180": 2}[scene.picture]
+    return np.ascontiguousarray(np.rot90(raw, quarters))
 
 
 def write_scene(scene: Scene, folder: Path) -> tuple[Files, dict[str, Any]]:

@@ -145,10 +145,10 @@ def in_processes(jobs: Sequence[Job], workers: int, minutes: float | None) -> It
         running: set[Future[Row]] = set()
         while True:
             while len(running) < workers and (end is None or time.monotonic() < end):
-                job = next(left, None)
-                if job is None:
+                following = next(left, None)
+                if following is None:
                     break
-                running.add(pool.submit(run_scene, job))
+                running.add(pool.submit(run_scene, following))
             if not running:
                 return
             finished, running = wait(running, return_when=FIRST_COMPLETED)
