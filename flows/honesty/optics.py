@@ -71,7 +71,8 @@ def blurred(fine: NDArray[np.float32], blur: Blur, oversample: int) -> Array:
 def bending(
     random: np.random.Generator, rms_px: float, centre_px: tuple[float, float], radius_px: float
 ) -> Shift | None:
-    """A smooth displacement of `rms_px` over a disk whose mean is nothing there: waves about as long as the disk."""
+    """A smooth displacement of length `rms_px` (RMS over a disk) whose mean is nothing there: waves of one to two
+    diameters."""
     if rms_px == 0:
         return None
     length = radius_px * random.uniform(2.0, 4.0, size=(2, 3))
@@ -85,7 +86,7 @@ def bending(
     r, t = radius_px * np.sqrt(random.uniform(size=2000)), random.uniform(0, 2 * np.pi, size=2000)
     inside = waves(centre_px[0] + r * np.cos(t), centre_px[1] + r * np.sin(t))
     mean = inside.mean(axis=1)
-    scale = rms_px / float(np.sqrt(((inside - mean[:, None]) ** 2).mean()))
+    scale = rms_px / float(np.sqrt(((inside - mean[:, None]) ** 2).sum(axis=0).mean()))
 
     def shift(x: Array, y: Array) -> tuple[Array, Array]:
         dx, dy = scale * (waves(x, y) - mean[:, None])

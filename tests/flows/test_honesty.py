@@ -13,7 +13,7 @@ import flows.honesty.run as honesty_run
 from flows.honesty.assess import assess, stated_covariance, violations
 from flows.honesty.geometry import planted_errors, seen_geometry, seen_place_px, true_geometry
 from flows.honesty.report import summary
-from flows.honesty.run import Job, chosen_scenes, read_rows, run_scenes
+from flows.honesty.run import Job, chosen_scenes, read_rows, run_scene, run_scenes
 from flows.honesty.scene import Other, Scene
 from flows.honesty.table import GROUPS, LENS_NAMES, all_scenes
 from flows.honesty.tables import markdown
@@ -263,3 +263,37 @@ def test_what_is_done_is_not_done_again(tmp_path: Path, counted: list[str]) -> N
     run_scenes(scenes[:1], find_profile("standard"), tmp_path)
     run_scenes([replace(scenes[1], radius_px=51.0)], joint, tmp_path)
     assert counted[4:] == ["s0", "s1"]
+
+
+# Small and quick ones of distinct groups; the whole table is `planetpose benchmark honesty`.
+SURE = ("ok",)
+RIGHT_OR_DOUBTFUL = ("ok", "doubtful")
+NEVER_OK = ("doubtful", "failed", "refused")
+REDUCED = {
+    "laws-117": SURE,
+    "small-002": RIGHT_OR_DOUBTFUL,  # 10 px radius
+    "no-map-013": SURE,
+    "wrong-orientation-002": SURE,  # by 2 deg
+    "crescents-002": RIGHT_OR_DOUBTFUL,
+    "smeared-001": RIGHT_OR_DOUBTFUL,
+    "other-bodies-010": RIGHT_OR_DOUBTFUL,
+    "wrong-orientation-012": NEVER_OK,  # by 180 deg
+    "wrong-target-012": NEVER_OK,
+    "mirrored-004": NEVER_OK,
+}
+
+
+@pytest.mark.parametrize("name", list(REDUCED))
+def test_verdict_and_stated_errors_are_true(name: str, tmp_path: Path) -> None:
+    scene = next(scene for scene in all_scenes() if scene.id == name)
+    row = run_scene(Job(scene, find_profile("joint"), tmp_path / "work"))
+    assert not (tmp_path / "work").exists()
+    status, errors = row["result"]["status"], assess(row)
+    assert status in REDUCED[name], row["result"]["reason"]
+    assert violations(row, errors) == []
+    if status == "ok":
+        assert errors is not None
+        assert errors["centre_px"]["size"] < 0.3
+        assert abs(errors["range"]["limb_px"]) < 0.3
+    if REDUCED[name] == SURE:
+        assert scene.solvable
