@@ -76,9 +76,11 @@ def chosen_scenes(count: int | None, groups: Sequence[str] = (), only: Sequence[
         by_group.setdefault(scene.group, []).append(scene)
     share = 1.0 if count is None else min(count / max(len(wanted), 1), 1.0)
     turns: list[tuple[float, Scene]] = []
-    for scenes in by_group.values():
+    for place, scenes in enumerate(by_group.values()):
         number = max(1, round(share * len(scenes)))
-        places = [int((k + 0.5) * len(scenes) / number) for k in range(number)]
+        # Each group begins elsewhere: at the same place of every group, laws and lenses are the same.
+        begin = (0.618 * (place + 1)) % 1
+        places = [int((k + begin) * len(scenes) / number) for k in range(number)]
         turns += [(rank / number, scenes[places[mixed(rank, number)]]) for rank in range(number)]
     return [scene for _, scene in sorted(turns, key=lambda turn: turn[0])]
 
