@@ -37,7 +37,7 @@ def honesty(
     known = {scene.id for scene in all_scenes()}
     for name, names, where in ((group, GROUPS, "--group"), (only, known, "--only")):
         if unknown := sorted(set(name or ()) - set(names)):
-            listed = ", ".join(GROUPS) if where == "--group" else "GROUP-NNN; see table.md of an earlier run"
+            listed = ", ".join(GROUPS) if where == "--group" else "GROUP-NNN, as small-003"
             raise typer.BadParameter(f"{', '.join(unknown)} is unknown; known are {listed}.", param_hint=where)
 
     def tell(row: dict[str, Any]) -> None:
