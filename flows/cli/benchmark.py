@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|faults|reprocess|deploy|throughput"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput"""
 
 from typing import Annotated
 
@@ -6,6 +6,7 @@ import typer
 
 from flows.cli.faults import faults, reprocess
 from flows.cli.fuzz import batches, fuzz
+from flows.cli.honesty import honesty
 from flows.cli.rehearsal import deploy, throughput
 
 
@@ -19,6 +20,7 @@ def register(app: typer.Typer) -> None:
     group.command()(index)
     group.command()(fuzz)
     group.command()(batches)
+    group.command()(honesty)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)
