@@ -4,19 +4,24 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.limb_edges import LimbSettings, measure_limb
+from tasks.compare.limb_errors import relief_covariance
 from tasks.compare.limb_fit import LimbFit, fit_limb
 from tasks.compare.match import match_scene
 from tasks.correction import Correction
+from tasks.joint.parameters import NAMES
+from tasks.joint.uncertainty import of_the_body
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
+Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
 
@@ -52,7 +57,7 @@ def find_range_by_limb(
         radius = disk_radius_px(pose, camera, scene.target)
         moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * radius)
         # Segments come and go between renders: below its own error the fit only wanders.
-        noise_px = float(np.sqrt(fit.covariance[2, 2])) * radius / 2
+        noise_px = float(np.sqrt(fit.noise_covariance[2, 2])) * radius / 2
         history.append([*fit.offset_px.tolist(), fit.growth])
         factor = corrected.range_km / pose.range_km
         if progress:
@@ -76,8 +81,15 @@ def find_range_by_limb(
 def _correction(pose: Pose, corrected: Pose, scene: Scene, fit: LimbFit, history: list[list[float]]) -> Correction:
     camera = scene.camera
     offset = camera.project(corrected.target_in_camera_km) - camera.project(pose.target_in_camera_km)
-    sigma = np.sqrt(np.diag(fit.covariance))
-    evidence: dict[str, Any] = {"method": "limb", "history": history, "residual_px": fit.residual_px}
+    covariance = errors_of(fit, scene, corrected)
+    sigma = np.sqrt(np.diag(covariance))
+    evidence: dict[str, Any] = {
+        "method": "limb",
+        "history": history,
+        "residual_px": fit.residual_px,
+        "unknowns": ["x", "y", "range"],
+        "covariance": covariance.tolist(),
+    }
     return Correction(
         step="range",
         pose=corrected,
@@ -85,3 +97,14 @@ def _correction(pose: Pose, corrected: Pose, scene: Scene, fit: LimbFit, history
         uncertainty={"range_factor": float(sigma[2]), "offset_px": sigma[:2].tolist()},
         evidence=evidence,
     )
+
+
+def errors_of(fit: LimbFit, scene: Scene, pose: Pose) -> Array:
+    """Covariance (3, 3) of the centre, px, and the logarithm of the range: of the edges, and of the body's relief and
+    radius. A disk that grows is nearer, and a lit arc trades one for the other."""
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    relief_px = scene.target.expected_relief_km / scene.target.mean_radius_km * radius
+    sign = np.array([1.0, 1.0, -1.0])
+    covariance = (fit.covariance + relief_covariance(fit.design, fit.angle_deg, relief_px)) * np.outer(sign, sign)
+    body = of_the_body(scene.target, radius, response=np.zeros((len(NAMES), 1)))
+    return np.asarray(covariance + body[:3, :3])
