@@ -90,8 +90,8 @@ class JointSettings(BaseModel):
     solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the solution's limb lies
     farther (RMS) from the image's own, the limb leads; None never. bending_px: where the disk shows the beam to bend
     otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
-    diameter_px: larger disks are solved at reduced resolution; first_diameter_px: how large the disk is at most on the
-    way there, where fine markings would catch the solution in the wrong place."""
+    diameter_px: disks of which more is in the frame than a whole one of this size has are solved at reduced resolution;
+    first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(
