@@ -87,9 +87,10 @@ class JointSettings(BaseModel):
     of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
     background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
     first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
-    solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the solution's limb lies
-    farther (RMS) from the image's own, the limb leads; None never. bending_px: where the disk shows the beam to bend
-    otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
+    solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the product's limb lies
+    farther (RMS) from the image's own, or contradicts it by its errors, the limb leads; None never. bending_px: where
+    the disk shows the beam to bend otherwise than the marks say, by at least so many pixels (RMS), the image is
+    displaced by it; None never.
     diameter_px: disks of which more is in the frame than a whole one of this size has are solved at reduced resolution;
     first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
 
