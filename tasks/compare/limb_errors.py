@@ -15,6 +15,9 @@ ARCS_DEG = (2, 4, 8, 12, 16, 20, 30)
 EDGE_PX = 0.05
 # Relief is taken to be the same over so much of a limb, degrees: nine parts of a half-lit one.
 RELIEF_ARC_DEG = 20
+# Neighbouring segments share pixels of the blur: so many of them count as one measurement.
+CORRELATED_SEGMENTS = 3.0
+FEWEST_IN_ARC = 3
 
 
 def directions_deg(away_px: Array) -> Array:
@@ -44,6 +47,23 @@ def segments_per_arc(angle_deg: Array) -> float:
     """How many segments the longest of the arcs holds, where there are any."""
     counts = np.bincount((angle_deg // ARCS_DEG[-1]).astype(np.int64))
     return float(counts[counts > 0].mean())
+
+
+def coherent_px(residual: Array, angle_deg: Array, unknowns: int = 3) -> float:
+    """By how much arcs of RELIEF_ARC_DEG lie off as a whole, px RMS, in a residual (n,) left by a fit of so many
+    unknowns: the arcs' means beyond what segments that err on their own leave in them, and beyond EDGE_PX. 0 where
+    there are too few arcs to tell."""
+    arc = (angle_deg // RELIEF_ARC_DEG).astype(np.int64)
+    count, total = np.bincount(arc), np.bincount(arc, residual)
+    full = count >= FEWEST_IN_ARC
+    arcs, kept = int(full.sum()), full[arc]
+    if arcs <= unknowns:
+        return 0.0
+    mean = np.divide(total, count, out=np.zeros(len(count)), where=full)
+    own = float(np.sum((residual - mean[arc])[kept] ** 2)) / max(int(kept.sum()) - arcs, 1)
+    of_arcs = float(count[full] @ mean[full] ** 2) / kept.sum() * arcs / (arcs - unknowns)
+    by_chance = CORRELATED_SEGMENTS * own * arcs / kept.sum()
+    return float(np.sqrt(max(of_arcs - by_chance - EDGE_PX**2, 0.0)))
 
 
 def relief_covariance(design: Array, angle_deg: Array, relief_px: float) -> Array:

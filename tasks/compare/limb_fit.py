@@ -7,13 +7,11 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError
 from tasks.compare.limb_edges import LimbEdges
-from tasks.compare.limb_errors import directions_deg, limb_covariance
+from tasks.compare.limb_errors import CORRELATED_SEGMENTS, directions_deg, limb_covariance
 
 Array = NDArray[np.float64]
 HUBER = 2.0
 ROUNDS = 20
-# Neighbouring segments share pixels of the blur: so many of them count as one measurement.
-CORRELATED_SEGMENTS = 3.0
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.errors import FailedError
 from catalog.observation import Observation
 from tasks.joint.bending import Bending, DistortionError, told_by_disk
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.limb_response import limb_response
+from tasks.joint.limb_seen import shown_by
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
@@ -105,13 +107,21 @@ def estimated(
     # Per pixel of the image, in its pixels.
     response = np.diag(scale.step_up(np.ones(len(NAMES)))) @ limb_response(free) / scale.n
     own = scale.covariance_up(shown) + systematic(settings.systematic, radius)
-    common = of_bending + of_the_body(scene.target, radius, response)
+    common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, scale))
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
     estimate = Estimate(free, shown, state, state, errors, errors, common, bending)
     return weighed(estimate, metadata, sigmas, scene.camera)
+
+
+def shape_shown_px(free: Solution, scale: Scale) -> float:
+    """By how much, px RMS, whole arcs of the image's limb lie off the ellipsoid's; 0 where too little is measured."""
+    try:
+        return shown_by(free, scale, np.zeros(len(NAMES)))[0].coherent_px
+    except FailedError:
+        return 0.0
 
 
 def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:

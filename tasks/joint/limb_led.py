@@ -17,41 +17,20 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import FailedError
 from catalog.observation import Observation
-from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_fit import fit_limb
-from tasks.compare.match import Match, framed_window, match_scene
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.estimate import Estimate, weighed
-from tasks.joint.parameters import NAMES, OFFSET, RANGE, State, difference
+from tasks.joint.limb_seen import TOLD, LimbAsks, asked, shown_by
+from tasks.joint.parameters import OFFSET, RANGE, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings
-from tasks.joint.solve import Solution
-from tasks.simulate import Scene, Simulation
+from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
-EDGES = LimbSettings()
-SKY_PX = 16.0
-# Centre and range: what the limb tells.
-TOLD = slice(0, 3)
 ROUNDS, STILL_PX = 4, 0.03
 # Chance of a difference between product and limb, with the errors of both grown, that is doubted.
 CHANCE_DOUBTED = 1e-4
-
-
-@dataclass(frozen=True)
-class LimbAsks:
-    """step (3,) of centre and range that the limb asks for, its covariance (3, 3), and how far (px, RMS along the
-    segments) it lies now."""
-
-    step: Array
-    covariance: Array
-    rms_px: float
-
-    def after(self, moved: Array) -> "LimbAsks":
-        """The same from a state that is `moved` (8,) away; how far the limb then lies is not known."""
-        return LimbAsks(self.step - moved[TOLD], self.covariance, self.rms_px)
 
 
 @dataclass(frozen=True)
@@ -124,6 +103,12 @@ def led_by_limb(
         led, grown = weighed_in(scale, estimate, seen, metadata, sigmas, scene, progress)
         led = weighed(led, metadata, sigmas, scene.camera)
         after = asked(scale, led.state)
+        if after.rms_px > before.rms_px:
+            # It leads nowhere: the solution stays, its errors as large as the contradiction.
+            own = estimate.free_covariance - estimate.common
+            grown_errors = grown * own + estimate.common
+            led = weighed(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
+            after = before
     except FailedError:
         return estimate, None
     moved = difference(led.state, estimate.state, scene.camera)
@@ -152,52 +137,6 @@ def doubt_of_limb(limb: LimbAsks, covariance: Array) -> str | None:
         f"solution's and a range factor of {np.exp(growth):.5f}, {np.sqrt(away):.1f} times their errors. "
         "Check the base map, the target and the picture; --profile standard trusts the limb alone."
     )
-
-
-def shown_by(solution: Solution, scale: Scale, moved: Array) -> tuple[LimbAsks, float]:
-    """What the limb asks of the solution by the solution's own picture, without the tiles that may hide it: a quick
-    look that renders nothing. With it how far (px, RMS) the limb of a state lies that is `moved` (8,) from it."""
-    model, fit, problem = solution.model, solution.fit, solution.problem
-    linear = slice(0, len(problem.columns) - len(NAMES))
-    picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
-    lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
-    drawn = Simulation(model.window, model.oversample, psf, model.bases, model.bases, model.coverage, lit)
-    edges = edges_between(Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene), picture, EDGES)
-    centre = scale.scene.camera.project(solution.state.pose.target_in_camera_km)
-    unit = np.array([scale.n, scale.n, 1.0])
-    left = edges.across_px - design_of(edges, centre) @ (moved[TOLD] / unit)
-    along = np.where(edges.segments.horizontal, edges.segments.normal[:, 0], edges.segments.normal[:, 1])
-    return in_image(asked_by(edges, centre), scale), scale.n * float(np.sqrt(np.mean((left / along) ** 2)))
-
-
-def in_image(found: LimbAsks, scale: Scale) -> LimbAsks:
-    """What was found at a scale, in pixels of the image."""
-    unit = np.array([scale.n, scale.n, 1.0])
-    return LimbAsks(unit * found.step, found.covariance * np.outer(unit, unit), scale.n * found.rms_px)
-
-
-def asked(scale: Scale, state: State) -> LimbAsks:
-    """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
-    scene = scale.scene
-    window = framed_window(scene, state.pose, margin_px=SKY_PX)
-    edges = measure_limb(match_scene(scale.observation, scene, state.pose, window), EDGES)
-    return in_image(asked_by(edges, scene.camera.project(state.pose.target_in_camera_km)), scale)
-
-
-def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
-    """Robust fit of centre and range to the edges. Raises FailedError when there are too few."""
-    found = fit_limb(edges, centre_px, solve_growth=True, min_points=EDGES.min_points)
-    # A disk that grows is nearer.
-    sign = np.array([1.0, 1.0, -1.0])
-    step = np.array([*found.offset_px, -found.growth])
-    return LimbAsks(step, found.covariance * np.outer(sign, sign), float(np.sqrt(np.mean(edges.shift_px**2))))
-
-
-def design_of(edges: LimbEdges, centre_px: Array) -> Array:
-    """Shift (n, 3) of the limb outward, px, per unit of centre and logarithm of the range."""
-    normal = edges.segments.normal
-    rho = np.einsum("ij,ij->i", edges.segments.xy_px - centre_px, normal)
-    return np.column_stack([normal, -rho])
 
 
 def weighed_in(
