@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from catalog.errors import RefusedError
-from catalog.target import find_target, known_targets
+from catalog.target import Target, find_target, known_targets
 
 SECONDS_PER_YEAR = 365.25 * 86400.0
 MEASURED_SINCE_PCK00010 = {"pluto", "charon"}
@@ -76,3 +76,25 @@ def test_a_body_outside_the_catalog_comes_from_the_loaded_pck(data_folder: Path)
 def test_a_name_that_no_pck_knows_is_refused_with_the_nearest_of_its_bodies(data_folder: Path) -> None:
     with pytest.raises(RefusedError, match=r"'amaltea'.*Did you mean amalthea"):
         find_target("amaltea", [data_folder / "kernels"])
+
+
+@pytest.mark.parametrize(
+    ("radius_km", "told_km", "relief_km"),
+    [
+        (10.0, None, 0.35),
+        (150.0, None, 5.25),
+        (250.0, None, 1.4),
+        (900.0, None, 1.4),
+        (1800.0, None, 0.0),
+        (10.0, 0.1, 0.1),
+    ],
+)
+def test_relief_is_as_told_or_that_of_bodies_of_its_size(
+    radius_km: float, told_km: float | None, relief_km: float
+) -> None:
+    body = Target(name="body", naif_id=1, radii_km=(radius_km,) * 3, relief_km=told_km)
+    assert body.expected_relief_km == pytest.approx(relief_km)
+
+
+def test_a_shape_model_has_its_relief_in_it() -> None:
+    assert Target(name="body", naif_id=1, radii_km=(10.0,) * 3, shape="body.obj").expected_relief_km == 0
