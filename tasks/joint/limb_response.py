@@ -28,8 +28,8 @@ def limb_response(solution: Solution) -> Array:
     per_x, per_y = columns[moving][OFFSET]
     pulled = solution.fit.weight[y, x] * (per_x * outward[0] + per_y * outward[1])
     count = round(360 / RELIEF_ARC_DEG)
-    right = np.stack([np.bincount(arc, pulled * column, count) for column in columns])
-    right -= _through_tiles(solution, y, x, arc, pulled, count)
+    direct = np.stack([np.bincount(arc, pulled * column, count) for column in columns])
+    right = direct - _through_tiles(solution, y, x, arc, pulled, count)
     step = (scaled_inverse(solution.fit.normal) @ right)[moving]
     step[solution.held] = 0
     return np.asarray(step)
@@ -39,8 +39,8 @@ def _limb_pixels(solution: Solution) -> tuple[NDArray[np.int64], NDArray[np.int6
     """Rows and columns (n,) of the limb's pixels, the arc that each is in, and the outward direction (2, n)."""
     model = solution.model
     y, x = np.nonzero((model.coverage > LEAST_COVER) & (model.coverage < MOST_COVER) & (solution.fit.weight > 0))
-    slope_y, slope_x = np.gradient(model.coverage)
-    outward = -np.stack([slope_x[y, x], slope_y[y, x]]).astype(np.float64)
+    slope = np.asarray(np.gradient(model.coverage), np.float64)
+    outward = -slope[::-1, y, x]
     outward /= np.maximum(np.hypot(*outward), 1e-12)
     angle_deg = np.degrees(np.arctan2(y - model.centre_px[1], x - model.centre_px[0])) % 360
     return y, x, np.minimum((angle_deg // RELIEF_ARC_DEG).astype(np.int64), round(360 / RELIEF_ARC_DEG) - 1), outward

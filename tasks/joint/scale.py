@@ -19,7 +19,7 @@ def width_in_frame_px(scene: Scene, pose: Pose) -> float:
     """Diameter of a whole disk that has as many pixels as the target at `pose` has in the frame."""
     whole = scene.window(pose)
     part = whole.clipped(scene.camera.size_px)
-    share = np.prod(part.shape) / max(np.prod(whole.shape), 1)
+    share = part.shape[0] * part.shape[1] / max(whole.shape[0] * whole.shape[1], 1)
     return float(2 * disk_radius_px(pose, scene.camera, scene.target) * np.sqrt(share))
 
 
