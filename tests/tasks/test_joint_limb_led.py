@@ -12,7 +12,7 @@ from tasks.compare.limb_errors import limb_covariance, relief_covariance, shared
 from tasks.joint import JointSettings
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.estimate import Estimate, estimated, prior_sigmas, weighed
-from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, led_by_limb
+from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
 from tasks.paper.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.simulate import Scene
@@ -189,3 +189,20 @@ def test_the_errors_of_a_short_arc_are_long_along_its_bisector() -> None:
         sigma = np.sqrt(np.diag(covariance))
         assert sigma[0] > 3 * sigma[1]
         assert covariance[0, 2] / (sigma[0] * sigma[2]) < -0.95
+
+
+@pytest.mark.parametrize(
+    ("before_px", "after_px", "arcs", "better"),
+    [
+        (0.4, 0.29, 18, True),
+        (1.13, 1.05, 18, False),
+        (0.4, 0.29, 5, False),
+        (1.0, 0.1, 5, True),
+        (0.3, 0.31, 18, False),
+    ],
+)
+def test_a_limb_leads_where_it_then_lies_nearer_by_more_than_chance(
+    before_px: float, after_px: float, arcs: int, better: bool
+) -> None:
+    before, after = (replace(limb_at((0, 0, 0)), rms_px=rms_px, arcs=arcs) for rms_px in (before_px, after_px))
+    assert fits_better(after, before) is better
