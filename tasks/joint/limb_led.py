@@ -105,8 +105,8 @@ def led_by_limb(
         after = asked(scale, led.state)
         if not fits_better(after, before):
             # It leads nowhere: the solution stays, its errors as large as the contradiction.
-            own = estimate.free_covariance - estimate.common
-            grown_errors = grown * own + estimate.common
+            grown = seen.growth()
+            grown_errors = grown * seen.own + estimate.common
             led = weighed(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
             after = before
     except FailedError:
