@@ -120,9 +120,9 @@ def led_by_limb(
 
 def fits_better(after: LimbAsks, before: LimbAsks) -> bool:
     """Whether the limb lies nearer by more than chance explains: what its squares are less, by those that are left for
-    each arc that errs on its own, three unknowns having been led."""
+    each part that errs on its own, three unknowns having been led."""
     gain = (before.rms_px**2 - after.rms_px**2) / max(after.rms_px**2, 1e-12)
-    return bool(gain * after.arcs > chi_square(len(after.step)))
+    return bool(gain * after.independent > chi_square(len(after.step)))
 
 
 def witnesses(estimate: Estimate, limb: LimbAsks, metadata: State, sigmas: Array, camera: Camera) -> Witnesses:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_errors import RELIEF_ARC_DEG, coherent_px
+from tasks.compare.limb_errors import coherent_px, shared_along
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.joint.parameters import NAMES, State
@@ -25,14 +25,14 @@ TOLD = slice(0, 3)
 @dataclass(frozen=True)
 class LimbAsks:
     """step (3,) of centre and range that the limb asks for, its covariance (3, 3), how far (px, RMS along the segments)
-    it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), and on how many arcs it was
-    measured."""
+    it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), and how many parts of it err
+    on their own."""
 
     step: Array
     covariance: Array
     rms_px: float
     coherent_px: float = 0.0
-    arcs: int = 18
+    independent: float = 18.0
 
     def after(self, moved: Array) -> "LimbAsks":
         """The same from a state that is `moved` (8,) away; how far the limb then lies is not known."""
@@ -59,7 +59,9 @@ def in_image(found: LimbAsks, scale: Scale) -> LimbAsks:
     """What was found at a scale, in pixels of the image."""
     unit = np.array([scale.n, scale.n, 1.0])
     covariance = found.covariance * np.outer(unit, unit)
-    return LimbAsks(unit * found.step, covariance, scale.n * found.rms_px, scale.n * found.coherent_px, found.arcs)
+    return LimbAsks(
+        unit * found.step, covariance, scale.n * found.rms_px, scale.n * found.coherent_px, found.independent
+    )
 
 
 def asked(scale: Scale, state: State) -> LimbAsks:
@@ -78,8 +80,9 @@ def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
     step = np.array([*found.offset_px, -found.growth])
     left = edges.across_px - found.design @ (sign * step)
     rms_px = float(np.sqrt(np.mean(edges.shift_px**2)))
-    arcs = len(np.unique(found.angle_deg // RELIEF_ARC_DEG))
-    return LimbAsks(step, found.covariance * np.outer(sign, sign), rms_px, coherent_px(left, found.angle_deg), arcs)
+    independent = len(left) / shared_along(left, found.angle_deg)
+    shape_px = coherent_px(left, found.angle_deg)
+    return LimbAsks(step, found.covariance * np.outer(sign, sign), rms_px, shape_px, independent)
 
 
 def design_of(edges: LimbEdges, centre_px: Array) -> Array:

@@ -192,7 +192,7 @@ def test_the_errors_of_a_short_arc_are_long_along_its_bisector() -> None:
 
 
 @pytest.mark.parametrize(
-    ("before_px", "after_px", "arcs", "better"),
+    ("before_px", "after_px", "parts", "better"),
     [
         (0.4, 0.29, 18, True),
         (1.13, 1.05, 18, False),
@@ -202,7 +202,7 @@ def test_the_errors_of_a_short_arc_are_long_along_its_bisector() -> None:
     ],
 )
 def test_a_limb_leads_where_it_then_lies_nearer_by_more_than_chance(
-    before_px: float, after_px: float, arcs: int, better: bool
+    before_px: float, after_px: float, parts: float, better: bool
 ) -> None:
-    before, after = (replace(limb_at((0, 0, 0)), rms_px=rms_px, arcs=arcs) for rms_px in (before_px, after_px))
+    before, after = (replace(limb_at((0, 0, 0)), rms_px=rms_px, independent=parts) for rms_px in (before_px, after_px))
     assert fits_better(after, before) is better
