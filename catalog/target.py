@@ -19,6 +19,14 @@ SECONDS_PER_DAY = 86400.0
 DAYS_PER_CENTURY = 36525.0
 
 
+# Relief, RMS deviation from the ellipsoid, of bodies whose own nobody has told. Satellites smaller than Mimas have
+# irregular shapes and rough limbs (Thomas, Veverka and Dermott 1986): RMS of Phobos, Deimos, Amalthea, Puck and
+# Larissa, relative to the mean radius. Up to 1000 km: RMS of Enceladus, Miranda, Dione, Ariel, Umbriel, Titania and
+# Oberon. Both by Archinal et al. 2018, table 6.
+IRREGULAR_KM, IRREGULAR_RELIEF = 195.0, 0.035
+SMALL_KM, SMALL_RELIEF_KM = 1000.0, 1.4
+
+
 class RotationModel(BaseModel):
     """IAU rotation model as in a PCK: polynomials in centuries (pole) and days (prime meridian) of TDB past J2000, and
     the sums of sines (right ascension, meridian) and cosines (declination) of the nutation-precession angles."""
@@ -66,7 +74,8 @@ MAX_SHAPE_BYTES = 4_000_000_000  # the finest published shape models have 1-2 GB
 
 class Target(BaseModel):
     """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
-    relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told."""
+    relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told (see
+    `expected_relief_km`)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f][^\x00-\x1f]*$")
@@ -93,6 +102,16 @@ class Target(BaseModel):
                 "shape-unreadable", f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."
             ) from error
         return self.model_copy(update={"shape": str(Path(path).absolute()), "shape_sha256": digest})
+
+    @property
+    def expected_relief_km(self) -> float:
+        """RMS deviation of the surface from the ellipsoid: as told, else that of bodies of its size; 0 for large ones
+        and for shape models."""
+        if self.relief_km is not None:
+            return self.relief_km
+        if self.shape is not None or self.mean_radius_km > SMALL_KM:
+            return 0.0
+        return IRREGULAR_RELIEF * self.mean_radius_km if self.mean_radius_km < IRREGULAR_KM else SMALL_RELIEF_KM
 
     @property
     def mean_radius_km(self) -> float:

@@ -130,8 +130,10 @@ def measurement_of(
 
 
 def free_covariance(evidence: Mapping[str, Any], free_sigma: float | None) -> Array:
-    """Covariance (8, 8) with the range free. The evidence holds the one after the range was weighed against its prior
-    by one step of a Kalman filter; that step is undone."""
+    """Covariance (8, 8) with the range free. Products of version 0.1 hold only the one after the range was weighed
+    against its prior by one step of a Kalman filter; that step is undone."""
+    if "free_covariance" in evidence:
+        return np.array(evidence["free_covariance"])
     covariance, prior = np.array(evidence["covariance"]), evidence["range_factor_prior_sigma"]
     if prior is None or not free_sigma:
         return covariance

@@ -7,23 +7,27 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError
 from tasks.compare.limb_edges import LimbEdges
+from tasks.compare.limb_errors import CORRELATED_SEGMENTS, directions_deg, limb_covariance
 
 Array = NDArray[np.float64]
 HUBER = 2.0
 ROUNDS = 20
-# Neighbouring segments share pixels of the blur: so many of them count as one measurement.
-CORRELATED_SEGMENTS = 3.0
 
 
 @dataclass(frozen=True)
 class LimbFit:
     """offset_px (2,) of the disk; growth: relative change of its radius (0 when held). covariance: (3, 3) of both, rows
-    of a held growth zero. residual_px: robust sigma left."""
+    of a held growth zero, for segments that err together along arcs (`limb_covariance`); noise_covariance: the same
+    for segments that err on their own, what another rendering may change. residual_px: robust sigma left. design
+    (n, m): the segments' shift per unit of what was solved, angle_deg (n,): their position angles."""
 
     offset_px: Array
     growth: float
     covariance: Array
+    noise_covariance: Array
     residual_px: float
+    design: Array
+    angle_deg: Array
 
 
 def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points: int) -> LimbFit:
@@ -51,11 +55,15 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
         residual = np.abs(values - design @ solution)
         sigma = max(1.4826 * float(np.median(residual)), 1e-6)
         weight = np.minimum(1.0, HUBER * sigma / np.maximum(residual, 1e-12))
+    left = values - design @ solution
     normal_matrix = (design * weight[:, None]).T @ design / CORRELATED_SEGMENTS
-    covariance = np.zeros((3, 3))
+    covariance, noise = np.zeros((3, 3)), np.zeros((3, 3))
     size = design.shape[1]
-    covariance[:size, :size] = np.linalg.pinv(normal_matrix) * sigma**2
-    return LimbFit(np.asarray(solution[:2], np.float64), float(solution[2]) if solve_growth else 0.0, covariance, sigma)
+    angle_deg = directions_deg(edges.segments.xy_px - centre_px)
+    covariance[:size, :size] = limb_covariance(design, left, weight, angle_deg)
+    noise[:size, :size] = np.linalg.pinv(normal_matrix) * sigma**2
+    growth = float(solution[2]) if solve_growth else 0.0
+    return LimbFit(np.asarray(solution[:2], np.float64), growth, covariance, noise, sigma, design, angle_deg)
 
 
 def disk_size(edges: LimbEdges, centre_px: Array) -> str:

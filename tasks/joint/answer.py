@@ -107,6 +107,7 @@ def as_correction(
         "history": [taken.tolist() for taken in free.history],
         "unknowns": list(NAMES),
         "covariance": estimate.covariance.tolist(),
+        "free_covariance": estimate.free_covariance.tolist(),
         "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
         "held_by_prior": [u.to_dict() for u in untold_directions(free.fit, estimate.shown, sigmas, held)],
         "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),
@@ -126,6 +127,7 @@ def as_correction(
         doubt_of_convergence(free),
         doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), bool(held[RANGE])),
         doubt_of_markings(orientation) if orientation else None,
+        (led or {}).get("doubt"),
         doubt_of_start(away_px, np.sqrt(np.trace(estimate.free_covariance[OFFSET, OFFSET])), free_sigma * radius),
     ]
     if any(doubts):

@@ -8,9 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.errors import FailedError
 from catalog.observation import Observation
 from tasks.joint.bending import Bending, DistortionError, told_by_disk
 from tasks.joint.blur import blurred_start
+from tasks.joint.contradiction import chi_square, growth_of
+from tasks.joint.limb_response import limb_response
+from tasks.joint.limb_seen import shown_by
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
@@ -110,9 +114,12 @@ def estimated(
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
+    # Per pixel of the image, in its pixels.
+    response = np.diag(scale.step_up(np.ones(len(NAMES)))) @ limb_response(free) / scale.n
     blur = max(1.0, state.width_px / scene.psf_sigma_px) if scene.psf_sigma_px > 0 else 1.0
     own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
-    common = of_bending + of_the_body(scene.target, radius) + of_the_camera(scene.camera)
+    common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, scale))
+    common += of_the_camera(scene.camera)
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
@@ -121,13 +128,29 @@ def estimated(
     return weighed(estimate, metadata, sigmas, scene.camera)
 
 
+def shape_shown_px(free: Solution, scale: Scale) -> float:
+    """By how much, px RMS, whole arcs of the image's limb lie off the ellipsoid's; 0 where too little is measured."""
+    try:
+        return shown_by(free, scale, np.zeros(len(NAMES)))[0].coherent_px
+    except FailedError:
+        return 0.0
+
+
 def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:
-    """The estimate with the free range weighed against its prior (one step of a Kalman filter)."""
+    """The estimate with the free range weighed against its prior (one step of a Kalman filter).
+
+    A free range that contradicts its prior speaks against the model: the product's errors are those of a covariance
+    that is grown until it does not. The free solution's own stay, so that the contradiction can be told."""
     state, errors, prior = estimate.free_state, estimate.free_covariance, sigmas[RANGE]
     if estimate.free.held[RANGE] or not np.isfinite(prior):
         return replace(estimate, state=state, covariance=errors)
-    gain = errors[:, RANGE] / (errors[RANGE, RANGE] + prior**2)
     surplus = difference(state, metadata, camera)[RANGE]
+    others = estimate.common[RANGE, RANGE] + prior**2
+    if surplus**2 > chi_square(1) * (errors[RANGE, RANGE] + prior**2):
+        own = errors - estimate.common
+        grown = growth_of(own[RANGE : RANGE + 1, RANGE : RANGE + 1], np.array([[others]]), np.array([surplus]))
+        errors = grown * own + estimate.common
+    gain = errors[:, RANGE] / (errors[RANGE, RANGE] + prior**2)
     product = state.moved(-gain * surplus, camera)
     return replace(estimate, state=product, covariance=errors - np.outer(gain, errors[RANGE]))
 

@@ -36,7 +36,7 @@ class Fit:
     (ny, nx): image minus model. weight (ny, nx): inverse variance after down-weighting of outliers. cost: Huber's
     function of the residuals and squares of all priors'. own: (tiles, LOCAL) the tiles' unknowns, own_covariance:
     (tiles, LOCAL, LOCAL), priors included; told: (tiles,) inverse variance of the gain as the image alone tells it.
-    """
+    by_others: (tiles, LOCAL, n) how much less of them there is for one more of each column."""
 
     values: Array
     information: Array
@@ -48,6 +48,7 @@ class Fit:
     own: Array
     own_covariance: Array
     told: Array
+    by_others: Array
 
     @property
     def covariance(self) -> Array:
@@ -84,7 +85,7 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
     cost += float(np.sum(problem.local_prior * own**2))
     told = inner[:, 0, 0] - problem.local_prior[:, 0]
     gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), told)
+    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), told, by_others)
 
 
 def scaled_inverse(matrix: Array) -> Array:

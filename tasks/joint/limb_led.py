@@ -1,8 +1,9 @@
-"""Where brightness and markings put the limb elsewhere than the image shows it, the limb leads.
+"""The cross-check of every joint solution against the limb; where the two contradict each other, the limb leads.
 
 The joint solution rests on map and photometric laws. Where they do not fit the body (an old map, haze, light that the
-vidicon smears) all pixels together may outvote the limb. The limb's own edges do not depend on them: then they are
-weighed in as an observation of centre and range, and the joint solution's error is taken to be as large as the
+vidicon smears) all pixels together may outvote the limb. The limb's own edges do not depend on them, and neither does
+the trajectory's range: both are compared with the solution, by their errors. Where they contradict it, the limb's edges
+are weighed in as an observation of centre and range, and the joint solution's error is taken to be as large as the
 contradiction shows it to be; attitude and roll follow by their correlation with centre and range.
 """
 
@@ -13,41 +14,63 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.camera import Camera
 from catalog.errors import FailedError
 from catalog.observation import Observation
-from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_fit import HUBER, fit_limb
-from tasks.compare.match import Match, framed_window, match_scene
+from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.estimate import Estimate, weighed
-from tasks.joint.parameters import NAMES, OFFSET, State, difference
+from tasks.joint.limb_seen import TOLD, LimbAsks, asked, shown_by
+from tasks.joint.parameters import OFFSET, RANGE, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings
-from tasks.simulate import Scene, Simulation
+from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
-EDGES = LimbSettings()
-SKY_PX = 16.0
-# Centre and range: what the limb tells.
-TOLD = slice(0, 3)
 ROUNDS, STILL_PX = 4, 0.03
-# The quick look is at the solution with the range free, which may lie nearer than the product.
-QUICK_SHARE = 2 / 3
-# Lengths of limb over which segments may err together, degrees; the one that shows most of it counts.
-ARCS_DEG = (2, 4, 8, 12, 16, 20, 30)
-# Whatever their scatter, by so much do edges err together along an arc of the largest length: blur, laws, markings.
-EDGE_PX = 0.05
+# Chance of a difference between product and limb, with the errors of both grown, that is doubted.
+CHANCE_DOUBTED = 1e-4
 
 
 @dataclass(frozen=True)
-class LimbAsks:
-    """step (3,) of centre and range that the limb asks for, its covariance (3, 3), and how far (px, RMS along the
-    segments) it lies now."""
+class Witnesses:
+    """What contradicts or confirms a solution `own` (8, 8) known: the limb's step (3,) from it with covariance (3, 3),
+    and the trajectory's (of the range), with its variance; inf where it says nothing."""
 
-    step: Array
-    covariance: Array
-    rms_px: float
+    own: Array
+    limb: LimbAsks
+    range_step: float
+    range_variance: float
+
+    @property
+    def trusted_range(self) -> bool:
+        """Whether there is a trajectory's range that the limb does not contradict: where the two disagree the target or
+        its range is another, which says nothing against the solution."""
+        if not np.isfinite(self.range_variance):
+            return False
+        away = self.limb.step[RANGE] - self.range_step
+        return bool(away**2 <= chi_square(1) * (self.limb.covariance[RANGE, RANGE] + self.range_variance))
+
+    def system(self) -> tuple[Array, Array, Array]:
+        """The solution's covariance in what is observed, the observations' own, and the differences (n,)."""
+        places = [0, 1, RANGE]
+        if not self.trusted_range:
+            return self.own[TOLD, TOLD], self.limb.covariance, self.limb.step
+        places = [*places, RANGE]
+        others = np.zeros((4, 4))
+        others[TOLD, TOLD], others[3, 3] = self.limb.covariance, self.range_variance
+        return self.own[np.ix_(places, places)], others, np.array([*self.limb.step, self.range_step])
+
+    @property
+    def contradict(self) -> bool:
+        """Whether they contradict the solution by more than CHANCE allows."""
+        own, others, wanted = self.system()
+        return bool(wanted @ np.linalg.solve(own + others, wanted) > chi_square(len(wanted)))
+
+    def growth(self) -> float:
+        """By what factor the solution's covariance must grow so that they do not."""
+        return growth_of(*self.system())
 
 
 def led_by_limb(
@@ -59,113 +82,95 @@ def led_by_limb(
     settings: JointSettings,
     progress: Progress | None = None,
 ) -> tuple[Estimate, dict[str, Any] | None]:
-    """The estimate, and None; or, where its limb is more than `settings.limb_led_px` off, one that the limb leads, and
-    what is told of it. An estimate that holds centre or range stays."""
+    """The estimate, and None; or, where the limb and the trajectory contradict it, or its product's limb is more than
+    `settings.limb_led_px` off, one that the limb leads, and what is told of it. An estimate that holds centre or range
+    stays. What is told has a `doubt` where limb and product disagree all the same."""
     limit = settings.limb_led_px
+    if limit is None or estimate.free.held[TOLD].any():
+        return estimate, None
     # One law's error of brightness near the limb would move the rendered edges.
     mixed = replace(scene, settings=scene.settings.model_copy(update={"photometry": "mixture"}))
     scale = Scale.of(observation, mixed, estimate.state, settings.diameter_px)
-    if limit is None or estimate.free.held[TOLD].any() or not is_suspect(estimate, scale, limit):
-        return estimate, None
+    pulled = difference(estimate.state, estimate.free_state, scene.camera)
     try:
-        before = asked(scale, estimate.state).rms_px
-        if before <= limit:
+        limb, edges_px = shown_by(estimate.free, scale, pulled)
+        if edges_px <= limit and not witnesses(estimate, limb, metadata, sigmas, scene.camera).contradict:
             return estimate, None
-        led, conflict = weighed_in(scale, estimate, scene, progress)
+        before = asked(scale, estimate.state)
+        seen = witnesses(estimate, before.after(-pulled), metadata, sigmas, scene.camera)
+        if before.rms_px <= limit and not seen.contradict:
+            return estimate, None
+        led, grown = weighed_in(scale, estimate, seen, metadata, sigmas, scene, progress)
         led = weighed(led, metadata, sigmas, scene.camera)
-        after = asked(scale, led.state).rms_px
+        after = asked(scale, led.state)
+        if not fits_better(after, before):
+            # It leads nowhere: the solution stays, its errors as large as the contradiction.
+            grown = seen.growth()
+            grown_errors = grown * seen.own + estimate.common
+            led = weighed(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
+            after = before
     except FailedError:
         return estimate, None
-    if after >= before:
-        return estimate, None
     moved = difference(led.state, estimate.state, scene.camera)
-    told = {"limb_px": [before, after], "moved_px": moved[OFFSET].tolist(), "error_grown": float(np.sqrt(conflict))}
+    told = {"limb_px": [before.rms_px, after.rms_px], "moved_px": moved[OFFSET].tolist(), "error_grown": grown**0.5}
+    if doubt := doubt_of_limb(after, led.covariance):
+        told["doubt"] = doubt
     return led, told
 
 
-def is_suspect(estimate: Estimate, scale: Scale, limit_px: float) -> bool:
-    """Whether the solution's own picture has its limb nearly that far off, without the tiles that may hide it: a quick
-    look that renders nothing."""
-    solution = estimate.free
-    model, fit, problem = solution.model, solution.fit, solution.problem
-    linear = slice(0, len(problem.columns) - len(NAMES))
-    picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
-    lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
-    drawn = Simulation(model.window, model.oversample, psf, model.bases, model.bases, model.coverage, lit)
-    edges = edges_between(Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene), picture, EDGES)
-    enough = len(edges.shift_px) >= EDGES.min_points
-    return enough and bool(scale.n * np.sqrt(np.mean(edges.shift_px**2)) > QUICK_SHARE * limit_px)
+def fits_better(after: LimbAsks, before: LimbAsks) -> bool:
+    """Whether the limb lies nearer by more than chance explains: what its squares are less, by those that are left for
+    each part that errs on its own, three unknowns having been led."""
+    gain = (before.rms_px**2 - after.rms_px**2) / max(after.rms_px**2, 1e-12)
+    return bool(gain * after.independent > chi_square(len(after.step)))
 
 
-def asked(scale: Scale, state: State) -> LimbAsks:
-    """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
-    scene = scale.scene
-    window = framed_window(scene, state.pose, margin_px=SKY_PX)
-    edges = measure_limb(match_scene(scale.observation, scene, state.pose, window), EDGES)
-    found = asked_by(edges, scene.camera.project(state.pose.target_in_camera_km))
-    unit = np.array([scale.n, scale.n, 1.0])
-    return LimbAsks(unit * found.step, found.covariance * np.outer(unit, unit), scale.n * found.rms_px)
+def witnesses(estimate: Estimate, limb: LimbAsks, metadata: State, sigmas: Array, camera: Camera) -> Witnesses:
+    """Limb, asking from the free solution, and trajectory as witnesses of the estimate. Errors that limb and pixels
+    share, such as the body's radius, are between them and the trajectory."""
+    own = estimate.free_covariance - estimate.common
+    wanted = -float(difference(estimate.free_state, metadata, camera)[RANGE])
+    return Witnesses(own, limb, wanted, float(sigmas[RANGE] ** 2 + estimate.common[RANGE, RANGE]))
 
 
-def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
-    """Robust fit of centre and range to the edges, with the covariance of segments that err together along arcs."""
-    found = fit_limb(edges, centre_px, solve_growth=True, min_points=EDGES.min_points)
-    normal, away = edges.segments.normal, edges.segments.xy_px - centre_px
-    rho = np.einsum("ij,ij->i", away, normal)
-    design = np.column_stack([normal, -rho])
-    step = np.array([*found.offset_px, -found.growth])
-    residual = edges.across_px - design @ step
-    weight = np.minimum(1.0, HUBER * found.residual_px / np.maximum(np.abs(residual), 1e-12))
-    kept = weight * residual
-    angle_deg = np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360
-    together = shared_along(kept, angle_deg)
-    variance = max(float(kept @ kept) / max(len(kept) - 3, 1) * together, EDGE_PX**2 * segments_per_arc(angle_deg))
-    covariance = np.linalg.pinv((design * weight[:, None]).T @ design, hermitian=True) * variance
-    return LimbAsks(step, covariance, float(np.sqrt(np.mean(edges.shift_px**2))))
+def doubt_of_limb(limb: LimbAsks, covariance: Array) -> str | None:
+    """Whether the product, of covariance (8, 8), is not where the limb is."""
+    away = float(limb.step @ np.linalg.solve(limb.covariance + covariance[TOLD, TOLD], limb.step))
+    if away <= chi_square(len(limb.step), CHANCE_DOUBTED):
+        return None
+    x, y, growth = limb.step
+    return (
+        f"limb-and-interior-disagree: the image's limb asks for a centre ({x:+.2f}, {y:+.2f}) px away from the "
+        f"solution's and a range factor of {np.exp(growth):.5f}, {np.sqrt(away):.1f} times their errors. "
+        "Check the base map, the target and the picture; --profile standard trusts the limb alone."
+    )
 
 
-def shared_along(residual: Array, angle_deg: Array) -> float:
-    """How many neighbouring segments err together: the largest mean square of sums over arcs, by the sum of squares."""
-    squares = max(float(residual @ residual), 1e-300)
-    sums = (np.bincount((angle_deg // arc).astype(np.int64), residual) for arc in ARCS_DEG)
-    return max(1.0, *(float(s @ s) / squares for s in sums))
-
-
-def segments_per_arc(angle_deg: Array) -> float:
-    """How many segments the longest of the arcs holds, where there are any."""
-    counts = np.bincount((angle_deg // ARCS_DEG[-1]).astype(np.int64))
-    return float(counts[counts > 0].mean())
-
-
-def weighed_in(scale: Scale, estimate: Estimate, scene: Scene, progress: Progress | None) -> tuple[Estimate, float]:
+def weighed_in(
+    scale: Scale,
+    estimate: Estimate,
+    seen: Witnesses,
+    metadata: State,
+    sigmas: Array,
+    scene: Scene,
+    progress: Progress | None,
+) -> tuple[Estimate, float]:
     """The limb as an observation of centre and range (one step of a Kalman filter, measured anew where it leads), with
-    the estimate's own covariance grown so far that the two agree; and by what factor it was grown."""
-    camera, state, own = scene.camera, estimate.free_state, estimate.free_covariance - estimate.common
-    grown, errors = 1.0, own
+    the estimate's own covariance grown so far that it contradicts none of the witnesses; and by what factor it was
+    grown."""
+    camera, own = scene.camera, seen.own
+    state, grown, errors = estimate.free_state, 1.0, own
     for number in range(1, ROUNDS + 1):
-        limb = asked(scale, state)
-        wanted = difference(state, estimate.free_state, camera)[TOLD] + limb.step
-        grown = growth_of(own[TOLD, TOLD], limb.covariance, wanted)
-        gain = grown * own[:, TOLD] @ np.linalg.inv(grown * own[TOLD, TOLD] + limb.covariance)
+        wanted = seen.limb.step
+        grown = seen.growth()
+        gain = grown * own[:, TOLD] @ np.linalg.inv(grown * own[TOLD, TOLD] + seen.limb.covariance)
         errors = grown * own - gain @ (grown * own[TOLD])
         moved = difference(estimate.free_state.moved(gain @ wanted, camera), state, camera)
         state = estimate.free_state.moved(gain @ wanted, camera)
         if progress:
-            progress("limb", number, f"{limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
-        if np.hypot(*moved[OFFSET]) < STILL_PX:
+            progress("limb", number, f"{seen.limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
+        if np.hypot(*moved[OFFSET]) < STILL_PX or number == ROUNDS:
             break
+        limb = asked(scale, state).after(difference(estimate.free_state, state, camera))
+        seen = witnesses(estimate, limb, metadata, sigmas, camera)
     return replace(estimate, free_state=state, free_covariance=errors + estimate.common), grown
-
-
-def growth_of(own: Array, limb: Array, wanted: Array) -> float:
-    """The least factor, 1 or more, on the covariance `own` (3, 3) with which a difference `wanted` (3,) from the limb's
-    place, of covariance `limb`, is no surprise: its weighted square is the number of unknowns."""
-    from scipy.optimize import brentq
-
-    def surprise(log_factor: float) -> float:
-        return float(wanted @ np.linalg.solve(np.exp(log_factor) * own + limb, wanted)) - len(wanted)
-
-    most = np.log(1e6)
-    if surprise(0.0) <= 0:
-        return 1.0
-    return float(np.exp(brentq(surprise, 0.0, most, xtol=1e-3))) if surprise(most) < 0 else 1e6

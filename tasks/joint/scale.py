@@ -6,11 +6,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
-from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
+from catalog.pose import Pose
+from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.joint.parameters import NAMES, OFFSET, State
 from tasks.simulate import Scene
+from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
+
+
+def width_in_frame_px(scene: Scene, pose: Pose) -> float:
+    """Diameter of a whole disk that has as many pixels as the target at `pose` has in the frame."""
+    whole = scene.window(pose)
+    part = whole.clipped(scene.camera.size_px)
+    share = part.shape[0] * part.shape[1] / max(whole.shape[0] * whole.shape[1], 1)
+    return float(2 * disk_radius_px(pose, scene.camera, scene.target) * np.sqrt(share))
 
 
 @dataclass(frozen=True)
@@ -23,8 +33,9 @@ class Scale:
 
     @classmethod
     def of(cls, observation: Observation, scene: Scene, state: State, diameter_px: float) -> "Scale":
-        """The finest at which the disk at `state` is about `diameter_px` wide, or the image itself."""
-        n = reduction_for(state.pose, scene, diameter_px)
+        """The one at which the part of the disk at `state` that is in the frame has about as many pixels as a whole one
+        of `diameter_px`, or the image itself."""
+        n = max(1, round(width_in_frame_px(scene, state.pose) / diameter_px))
         return cls(n, reduced_observation(observation, n), reduced_scene(scene, n))
 
     def down(self, state: State) -> State:

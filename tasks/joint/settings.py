@@ -104,11 +104,12 @@ class JointSettings(BaseModel):
     exposures during which the boresight drifted.
     background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
     first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
-    solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the solution's limb lies
-    farther (RMS) from the image's own, the limb leads; None never. bending_px: where the disk shows the beam to bend
-    otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
-    diameter_px: larger disks are solved at reduced resolution; first_diameter_px: how large the disk is at most on the
-    way there, where fine markings would catch the solution in the wrong place."""
+    solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the product's limb lies
+    farther (RMS) from the image's own, or contradicts it by its errors, the limb leads; None never. bending_px: where
+    the disk shows the beam to bend otherwise than the marks say, by at least so many pixels (RMS), the image is
+    displaced by it; None never.
+    diameter_px: disks of which more is in the frame than a whole one of this size has are solved at reduced resolution;
+    first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(

@@ -69,15 +69,19 @@ def systematic(settings: SystematicSettings, radius_px: float, distortion_px: fl
     return np.diag(sigma**2)
 
 
-def of_the_body(target: Target, radius_px: float) -> Array:
-    """Variances (8, 8) that come from the target's radius, which the image cannot tell from its range, and from the
-    relief of its limb."""
-    relief_px = (target.relief_km or 0.0) / target.mean_radius_km * radius_px
+def of_the_body(target: Target, radius_px: float, response: Array | None = None, shown_px: float = 0.0) -> Array:
+    """Covariance (8, 8) that comes from the target's radius, which the image cannot tell from its range, and from the
+    relief of its limb, or what the limb shows of it (shown_px, RMS) where that is more. response: (8, arcs) what the
+    solution does when an arc lies a pixel farther out (see `limb_response`); without it a half-lit limb is taken to
+    rise and fall in INDEPENDENT_LIMBS parts."""
+    relief_px = max(target.expected_relief_km / target.mean_radius_km * radius_px, shown_px)
     variance = np.zeros(MOVING)
-    variance[OFFSET] = 2 * relief_px**2 / INDEPENDENT_LIMBS
-    variance[RANGE] = (relief_px / radius_px) ** 2 / INDEPENDENT_LIMBS
+    if response is None:
+        variance[OFFSET] = 2 * relief_px**2 / INDEPENDENT_LIMBS
+        variance[RANGE] = (relief_px / radius_px) ** 2 / INDEPENDENT_LIMBS
     variance[RANGE] += ((target.radius_sigma_km or 0.0) / target.mean_radius_km) ** 2
-    return np.diag(variance)
+    relief = 0.0 if response is None else relief_px**2 * response @ response.T
+    return np.asarray(np.diag(variance) + relief)
 
 
 def of_the_camera(camera: Camera) -> Array:

@@ -5,12 +5,14 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.limb_edges import LimbSettings, measure_limb
+from tasks.compare.limb_errors import relief_covariance
 from tasks.compare.limb_fit import LimbFit, fit_limb
 from tasks.compare.match import match_scene
 from tasks.correction import FORMAL, Correction
@@ -19,6 +21,7 @@ from tasks.rest import REST_PX, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
+Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
 
@@ -61,7 +64,7 @@ def find_range_by_limb(
         radius = disk_radius_px(pose, camera, scene.target)
         moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * radius)
         # Segments come and go between renders: below its own error the fit only wanders.
-        noise_px = float(np.sqrt(fit.covariance[2, 2])) * radius / 2
+        noise_px = float(np.sqrt(fit.noise_covariance[2, 2])) * radius / 2
         history.append([*fit.offset_px.tolist(), fit.growth])
         factor = corrected.range_km / pose.range_km
         if progress:
@@ -98,15 +101,10 @@ def _correction(
     history: list[list[float]],
     settings: LimbRangeSettings,
 ) -> Correction:
-    camera, radius = scene.camera, disk_radius_px(corrected, scene.camera, scene.target)
+    camera = scene.camera
     offset = camera.project(corrected.target_in_camera_km) - camera.project(pose.target_in_camera_km)
-    # The range shrinks as the disk grows.
-    signs = np.array([1.0, 1.0, -1.0])
-    scale = np.hypot(camera.focal_length_sigma, (scene.target.radius_sigma_km or 0) / scene.target.mean_radius_km)
-    of_range = np.hypot(settings.radius_px / radius, scale)
-    systematic = np.diag([settings.centre_px, settings.centre_px, of_range]) ** 2
-    covariance = fit.covariance * np.outer(signs, signs) + systematic
-    sigma, formal = (np.sqrt(np.diag(matrix)) for matrix in (covariance, fit.covariance))
+    covariance = errors_of(fit, scene, corrected, settings)
+    sigma, formal = (np.sqrt(np.diag(matrix)) for matrix in (covariance, fit.noise_covariance))
     evidence: dict[str, Any] = {
         "method": "limb",
         "history": history,
@@ -122,3 +120,16 @@ def _correction(
         uncertainty={"range_factor": float(sigma[2]), "offset_px": sigma[:2].tolist()},
         evidence=evidence,
     )
+
+
+def errors_of(fit: LimbFit, scene: Scene, pose: Pose, settings: LimbRangeSettings) -> Array:
+    """Covariance (3, 3) of the centre, px, and the logarithm of the range: of the edges, of the body's relief and
+    radius, of the focal length, and of what the edges' scatter does not show. A disk that grows is nearer, and a lit
+    arc trades one for the other."""
+    target, radius = scene.target, disk_radius_px(pose, scene.camera, scene.target)
+    relief_px = target.expected_relief_km / target.mean_radius_km * radius
+    sign = np.array([1.0, 1.0, -1.0])
+    covariance = (fit.covariance + relief_covariance(fit.design, fit.angle_deg, relief_px)) * np.outer(sign, sign)
+    scale = np.hypot(scene.camera.focal_length_sigma, (target.radius_sigma_km or 0.0) / target.mean_radius_km)
+    of_range = np.hypot(settings.radius_px / radius, scale)
+    return np.asarray(covariance + np.diag([settings.centre_px, settings.centre_px, of_range]) ** 2)

@@ -13,7 +13,7 @@ from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.adding import check_list
 from catalog.readers import read_frame
-from catalog.target import find_target, known_targets
+from catalog.target import Target, find_target, known_targets
 from flows.profile import find_profile
 from flows.reprocessing.fingerprint import fingerprint_of
 from flows.reprocessing.requests import request_of
@@ -204,3 +204,25 @@ def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
     asked = request_of(listed, listed.entries[0], settings, find_profile("joint"))
     assert asked.target == str(tmp_path / "v.toml")
     assert [fault for fault in check_list(tmp_path / "list.csv").faults if "gone.toml" in fault]
+
+
+@pytest.mark.parametrize(
+    ("radius_km", "told_km", "relief_km"),
+    [
+        (10.0, None, 0.35),
+        (150.0, None, 5.25),
+        (250.0, None, 1.4),
+        (900.0, None, 1.4),
+        (1800.0, None, 0.0),
+        (10.0, 0.1, 0.1),
+    ],
+)
+def test_relief_is_as_told_or_that_of_bodies_of_its_size(
+    radius_km: float, told_km: float | None, relief_km: float
+) -> None:
+    body = Target(name="body", naif_id=1, radii_km=(radius_km,) * 3, relief_km=told_km)
+    assert body.expected_relief_km == pytest.approx(relief_km)
+
+
+def test_a_shape_model_has_its_relief_in_it() -> None:
+    assert Target(name="body", naif_id=1, radii_km=(10.0,) * 3, shape="body.obj").expected_relief_km == 0

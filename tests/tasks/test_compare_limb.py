@@ -8,6 +8,7 @@ from scipy.special import erf
 
 from catalog.errors import FailedError
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edge_position, lit_limit_deg
+from tasks.compare.limb_errors import EDGE_PX, coherent_px
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.segments import Segments, profiles
 
@@ -110,3 +111,20 @@ def test_too_few_segments_fail_by_name() -> None:
     with pytest.raises(FailedError) as failure:
         fit_limb(edges_with((0, 0), 0), CENTRE_PX, True, 161)
     assert failure.value.code == "limb-not-measured"
+
+
+@pytest.mark.parametrize(("arc_px", "least", "most"), [(0.0, 0.0, 0.02), (0.04, 0.0, 0.03), (0.5, 0.35, 0.65)])
+def test_arcs_that_lie_off_as_a_whole_are_told_from_segments_that_err_alone(
+    arc_px: float, least: float, most: float
+) -> None:
+    random = np.random.default_rng(4)
+    angle_deg = np.arange(0, 300, 0.5)
+    noise = 0.1 * random.standard_normal(len(angle_deg))
+    arcs = random.choice([-1.0, 1.0], 15)[(angle_deg // 20).astype(int)]
+    found = coherent_px(noise + arc_px * arcs, angle_deg)
+    assert least <= found <= most
+
+
+def test_too_few_arcs_tell_nothing_of_the_shape() -> None:
+    angle_deg = np.arange(0, 60, 0.5)
+    assert coherent_px(np.full(len(angle_deg), 20 * EDGE_PX), angle_deg) == 0

@@ -7,7 +7,7 @@ from catalog.target import find_target
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
 from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
-from tasks.joint.scale import Scale
+from tasks.joint.scale import Scale, width_in_frame_px
 from tasks.joint.uncertainty import of_the_body, with_attitude_of
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.simulate.plant import planted, pose_error
@@ -24,6 +24,33 @@ def test_radius_and_relief_of_the_body_are_errors_of_range_and_centre() -> None:
     assert np.sqrt(of_the_body(pluto, 400.0)[RANGE, RANGE]) == pytest.approx(1.6 / 1188.3)
     unknown = europa.model_copy(update={"radius_sigma_km": None, "relief_km": None})
     assert not of_the_body(unknown, 100.0).any()
+
+
+def test_relief_is_what_the_body_is_known_for_or_what_its_limb_shows_if_that_is_more() -> None:
+    europa = find_target("europa").model_copy(update={"radius_sigma_km": 0.0})
+    response = np.zeros((8, 18))
+    response[0, 3], response[RANGE, 3] = 0.3, -0.002
+    told, same, more = (of_the_body(europa, 100.0, response, shown_px) for shown_px in (0.0, 0.01, 0.4))
+    relief_px = 0.32 / 1560.8 * 100
+    assert np.sqrt(told[0, 0]) == pytest.approx(0.3 * relief_px, rel=0.01)
+    assert told[0, RANGE] == pytest.approx(-0.3 * 0.002 * relief_px**2, rel=0.02)
+    assert np.array_equal(same, told)
+    assert np.sqrt(more[0, 0]) == pytest.approx(0.3 * 0.4)
+
+
+@pytest.mark.parametrize(
+    ("radius_px", "centre_px", "n"),
+    [(110.0, (256, 256), 1), (250.0, (256, 256), 1), (700.0, (256, 256), 1), (500.0, (600, 256), 1)],
+)
+def test_disks_cut_by_the_frame_are_solved_by_what_is_in_it(
+    radius_px: float, centre_px: tuple[float, float], n: int
+) -> None:
+    camera = small_camera(2 * radius_px, (512, 512)).model_copy(update={"centre_px": (255.5, 255.5)})
+    scene, pose = scene_of(camera), true_pose(camera, centre_px)
+    width = width_in_frame_px(scene, pose)
+    assert max(1, round(width / JointSettings().diameter_px)) == n
+    assert width <= 2 * radius_px * 1.01
+    assert width <= 512 * 1.01
 
 
 def test_where_markings_are_not_the_map_s_the_attitude_is_known_by_its_prior_alone() -> None:

@@ -8,9 +8,11 @@ import pytest
 
 from catalog.basemap import BaseMap
 from catalog.observation import Observation
+from tasks.compare.limb_errors import limb_covariance, relief_covariance, shared_along
 from tasks.joint import JointSettings
-from tasks.joint.estimate import Estimate, estimated, prior_sigmas
-from tasks.joint.limb_led import growth_of, led_by_limb, shared_along
+from tasks.joint.contradiction import chi_square, growth_of
+from tasks.joint.estimate import Estimate, estimated, prior_sigmas, weighed
+from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
 from tasks.paper.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.simulate import Scene
@@ -69,11 +71,26 @@ def test_an_estimate_that_was_pulled_off_the_limb_is_brought_back() -> None:
     assert (np.abs(after.centre_px) < 3 * sigma).all()
 
 
-@pytest.mark.parametrize("change", [{"limb_led_px": None}, {"limb_led_px": 5.0}])
-def test_the_limb_does_not_lead_where_it_is_not_asked_or_not_far_off(change: dict[str, float | None]) -> None:
+def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:
     seen, scene, pulled = pulled_away()
-    settings = SETTINGS.model_copy(update=change)
+    settings = SETTINGS.model_copy(update={"limb_led_px": None})
     assert led_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings) == (pulled, None)
+
+
+def test_a_limb_that_contradicts_the_errors_leads_however_many_pixels_are_allowed() -> None:
+    seen, scene, pulled = pulled_away()
+    settings = SETTINGS.model_copy(update={"limb_led_px": 5.0})
+    led, told = led_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings)
+    assert told is not None
+    assert np.hypot(*pose_error(led.free_state.pose, TRUTH, CAMERA, EUROPA).centre_px) < 0.25
+
+
+def test_an_estimate_that_nothing_contradicts_stays() -> None:
+    scene = scene_of(CAMERA, "mixture", oversample=3)
+    seen = observed(clean_image(scene_of(CAMERA), TRUTH))
+    start = State(TRUTH, CAMERA.psf_sigma_px)
+    found = estimated(seen, start, start, SIGMAS, scene, SETTINGS)
+    assert led_by_limb(seen, found, start, SIGMAS, scene, SETTINGS) == (found, None)
 
 
 def test_an_estimate_that_holds_centre_or_range_is_not_led() -> None:
@@ -97,3 +114,95 @@ def test_segments_that_err_together_count_as_few() -> None:
     noise = np.random.default_rng(1).standard_normal(len(angle))
     wave = np.sin(np.radians(10 * angle))
     assert shared_along(wave, angle) > 4 * shared_along(noise, angle)
+
+
+OWN = np.diag([0.05, 0.05, 1e-3, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2
+
+
+def limb_at(step: tuple[float, float, float], sigma_px: float = 0.1) -> LimbAsks:
+    return LimbAsks(np.array(step), np.diag([sigma_px, sigma_px, sigma_px / 50]) ** 2, 0.1)
+
+
+def test_a_free_range_against_trajectory_and_limb_speaks_against_the_solution() -> None:
+    alone = Witnesses(OWN, limb_at((0.1, 0.0, 0.0025)), np.inf, np.inf)
+    assert not alone.contradict
+    both = replace(alone, range_step=0.004, range_variance=(2e-4) ** 2)
+    assert both.trusted_range
+    assert both.contradict
+    assert both.growth() > 3
+    agreeing = replace(both, range_step=0.0005)
+    assert not agreeing.contradict
+    assert agreeing.growth() == 1.0
+
+
+def test_a_trajectory_that_limb_and_solution_contradict_together_is_no_witness_against_it() -> None:
+    """The target or its range is another: the solution keeps its errors, and the contradiction shows."""
+    seen = Witnesses(OWN, limb_at((0.05, 0.0, 0.0005)), -0.05, (2e-4) ** 2)
+    assert not seen.trusted_range
+    assert not seen.contradict
+
+
+def test_a_solution_off_along_what_the_limb_leaves_open_is_not_contradicted() -> None:
+    direction = np.array([1.0, 0.0, -0.02])
+    open_to_it = LimbAsks(0.6 * direction, OWN[:3, :3] + np.outer(direction, direction), 0.1)
+    assert not Witnesses(OWN, open_to_it, np.inf, np.inf).contradict
+    across = LimbAsks(np.array([0.0, 0.6, 0.0]), open_to_it.covariance, 0.1)
+    assert Witnesses(OWN, across, np.inf, np.inf).contradict
+
+
+def test_a_product_that_is_not_where_the_limb_is_is_doubted() -> None:
+    assert doubt_of_limb(limb_at((0.3, 0.0, 0.0)), OWN) is None
+    doubt = doubt_of_limb(limb_at((0.9, 0.0, 0.0)), OWN)
+    assert doubt is not None
+    assert doubt.startswith("limb-and-interior-disagree: ")
+
+
+@pytest.mark.parametrize("sigmas_off", [1.0, 3.5, 8.0])
+def test_a_range_that_contradicts_its_prior_widens_the_product_s_errors(sigmas_off: float) -> None:
+    _, _, there = pulled_away()
+    prior = SIGMAS.copy()
+    prior[RANGE] = 2e-4
+    own = there.free_covariance.copy()
+    own[0, RANGE] = own[RANGE, 0] = 0.8 * np.sqrt(own[0, 0] * own[RANGE, RANGE])
+    found = replace(there, free_covariance=own)
+    step = np.zeros(len(NAMES))
+    step[RANGE] = -sigmas_off * np.hypot(0.002, 2e-4)
+    calm, product = (
+        weighed(found, found.free_state.moved(share * step, CAMERA), prior, CAMERA) for share in (0.0, 1.0)
+    )
+    grown = np.sqrt(product.covariance[0, 0] / calm.covariance[0, 0])
+    assert grown == pytest.approx(sigmas_off if sigmas_off**2 > chi_square(1) else 1.0, rel=0.1)
+    assert np.array_equal(product.free_covariance, own)
+    assert np.sqrt(product.covariance[RANGE, RANGE]) <= 2e-4
+
+
+def test_the_errors_of_a_short_arc_are_long_along_its_bisector() -> None:
+    """One pixel of centre towards the arc, and a disk smaller by as much, is nearly the same limb."""
+    angle = np.radians(np.arange(-30, 30, 0.5))
+    design = np.column_stack([np.cos(angle), np.sin(angle), np.full(len(angle), 50.0)])
+    residual = 0.05 * np.random.default_rng(2).standard_normal(len(angle))
+    degrees = np.degrees(angle) % 360
+    for covariance in (
+        limb_covariance(design, residual, np.ones(len(angle)), degrees),
+        relief_covariance(design, degrees, 0.05),
+    ):
+        sigma = np.sqrt(np.diag(covariance))
+        assert sigma[0] > 3 * sigma[1]
+        assert covariance[0, 2] / (sigma[0] * sigma[2]) < -0.95
+
+
+@pytest.mark.parametrize(
+    ("before_px", "after_px", "parts", "better"),
+    [
+        (0.4, 0.29, 18, True),
+        (1.13, 1.05, 18, False),
+        (0.4, 0.29, 5, False),
+        (1.0, 0.1, 5, True),
+        (0.3, 0.31, 18, False),
+    ],
+)
+def test_a_limb_leads_where_it_then_lies_nearer_by_more_than_chance(
+    before_px: float, after_px: float, parts: float, better: bool
+) -> None:
+    before, after = (replace(limb_at((0, 0, 0)), rms_px=rms_px, independent=parts) for rms_px in (before_px, after_px))
+    assert fits_better(after, before) is better
