@@ -23,7 +23,7 @@ from flows.request import (
 )
 from flows.result import result_of
 from flows.settling import settled
-from flows.verdict import believe, explained, reminded
+from flows.verdict import believe, doubts, explained, refuse_doubtful_behind, reminded
 from tasks.correction import IMAGE_MOVED
 
 STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
@@ -67,6 +67,7 @@ def correct_pose(
         if number > 1 and settled(chain, number):
             break
     believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
+    refuse_doubtful_behind(chain.records["pose"].result["pose"], doubts(chain))
     return latest, scene, basemap
 
 

@@ -11,6 +11,9 @@ from flows.chain import Chain
 from flows.profile import AcceptSettings
 
 BEHIND = "target-behind-camera"
+BEHIND_REMEDY = (
+    "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km."
+)
 PUBLISHED = ("ok", "doubtful")
 
 
@@ -80,16 +83,29 @@ def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
 def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeError:
     """The failure of a correction; when the predicted pose (plain) has the target behind the camera, with that as the
     reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
+    if error.code in (BEHIND, "interrupted") or not is_behind(predicted):
+        return error
+    return type(error)(BEHIND, f"{behind(predicted)}; with the camera turned to it, {error.fault}", BEHIND_REMEDY)
+
+
+def refuse_doubtful_behind(predicted: dict[str, Any], doubts: list[str]) -> None:
+    """Raise FailedError where something speaks against a corrected pose whose predicted one (plain) looks away from the
+    target: nothing then tells which way up the camera was."""
+    if doubts and is_behind(predicted):
+        told = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
+        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {told}.", BEHIND_REMEDY)
+
+
+def is_behind(predicted: dict[str, Any]) -> bool:
+    """Whether a predicted pose (plain) has the target behind the camera."""
+    return bool(Pose.from_dict(predicted).target_in_camera_km[2] <= 0)
+
+
+def behind(predicted: dict[str, Any]) -> str:
+    """How far behind the camera a predicted pose (plain) has the target, in words."""
     pose = Pose.from_dict(predicted)
     off_deg = float(np.degrees(np.arccos(np.clip(pose.target_in_camera_km[2] / pose.range_km, -1, 1))))
-    if off_deg < 90 or error.code in (BEHIND, "interrupted"):
-        return error
-    return type(error)(
-        BEHIND,
-        f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight; with the camera "
-        f"turned to it, {error.fault}",
-        "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km.",
-    )
+    return f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight"
 
 
 def reminded(error: PlanetposeError, overruled: list[str]) -> PlanetposeError:

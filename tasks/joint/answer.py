@@ -29,6 +29,7 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import untold_directions, with_attitude_of
+from tasks.point.rotation import is_offset_from, pose_facing
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
@@ -54,11 +55,13 @@ def find_pose_jointly(
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
     image's: the attitude is then told as no better known than by its prior. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
-    `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
+    `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
+    elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude. Raises FailedError when too few
     pixels are usable.
     """
     priors = getattr(settings.priors, source) if isinstance(source, str) else settings.priors.of(source)
-    metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
+    metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
+    start = State(pose, scene.psf_sigma_px)
     if is_uniform(scene):
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
@@ -73,7 +76,10 @@ def find_pose_jointly(
     if not markings_match:
         free, product = (with_attitude_of(e, sigmas) for e in (estimate.free_covariance, estimate.covariance))
         estimate = replace(estimate, free_covariance=free, covariance=product)
-    return as_correction(estimate, start, metadata, sigmas, away, scene, led)
+    answer = as_correction(estimate, start, metadata, sigmas, away, scene, led)
+    if not is_offset_from(predicted, pose, scene.camera):
+        answer.evidence["predicted_to_free"] = None
+    return answer
 
 
 def as_correction(

@@ -1,9 +1,8 @@
 """Find the target anywhere in the frame: masked normalised cross-correlation at reduced resolution."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
@@ -13,6 +12,8 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 TEMPLATE_DIAMETER_PX = 64
+SPECK_PX = 5
+ALLOWANCE = 1.25
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,7 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     from skimage.registration._masked_phase_cross_correlation import cross_correlate_masked
 
     n = reduction_for(pose, scene, TEMPLATE_DIAMETER_PX)
+    observation = without_specks(observation, lit_width_px(pose, scene))
     observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
     frame_centre = (np.array(scene.camera.size_px) - 1) / 2
     centred = pose_pointed_at(pose, scene.camera, frame_centre)
@@ -42,7 +44,7 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     window = scene.window(centred, margin_px=max(4.0, 0.25 * radius))
     template = scene.render(centred, window).image().astype(np.float64)
     usable = observation.usable
-    image = clipped_outliers(observation.image, usable).astype(np.float64)
+    image = np.where(usable, observation.image, 0).astype(np.float64)
     correlation = cross_correlate_masked(
         image,
         template,
@@ -59,9 +61,25 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(correlation[row, column]), n)
 
 
-def clipped_outliers(image: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Copy with unusable pixels 0 and the brightest 0.02 % (cosmic rays) pulled down."""
+def lit_width_px(pose: Pose, scene: Scene) -> float:
+    """Width of the sunlit part of the disk, pixels."""
+    return disk_radius_px(pose, scene.camera, scene.target) * (1 + float(np.cos(np.radians(pose.phase_deg))))
+
+
+def without_specks(observation: Observation, width_px: float) -> Observation:
+    """The observation with what is brighter than everything of a target's size pulled down: hot pixels, cosmic rays,
+    bright columns, stars. width_px: of the target's sunlit part.
+
+    The limit is the highest value that all pixels of some square of up to SPECK_PX reach (a grey-scale opening), half
+    the sunlit width at most, with an allowance for noise.
+    """
+    import cv2
+
+    usable = observation.usable
     if not usable.any():
-        return np.zeros_like(image)
-    high = np.percentile(image[usable], 99.98)
-    return np.where(usable, np.minimum(image, high), 0).astype(np.float32)
+        return observation
+    side = int(np.clip(width_px / 2, 2, SPECK_PX))
+    low = np.float32(np.percentile(observation.image[usable], 1))
+    image = np.where(usable, observation.image, low)
+    high = float(cv2.erode(image, np.ones((side, side), np.uint8)).max())
+    return replace(observation, image=np.minimum(image, low + ALLOWANCE * max(high - low, 0.0)).astype(np.float32))
