@@ -38,11 +38,13 @@ class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
-    the pose is doubtful; None doubts none."""
+    the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments that
+    lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
     sure_limb_rms_px: float | None = Field(None, gt=0)
+    limb_share: float = Field(0.2, gt=0, le=1)
     require_limb: bool = True
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)

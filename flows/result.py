@@ -40,6 +40,8 @@ EMPTY: dict[str, Any] = {
     "settled": {"passes": None, "pose": None, "attitude": None},
     "limb_rms_px": None,
     "limb_points": None,
+    "limb_robust_px": None,
+    "limb_disagreeing": None,
     "similarity": {"before": None, "after": None},
     "pose": None,
     "cube": None,
@@ -97,6 +99,8 @@ def corrected(chain: Chain) -> dict[str, Any]:
     return published["correction"] | {
         "limb_rms_px": report["limb"]["rms_px"],
         "limb_points": report["limb"]["points"],
+        "limb_robust_px": report["limb"]["robust_px"],
+        "limb_disagreeing": report["limb"]["disagreeing"],
         "similarity": report["similarity"],
         "cube": f"{folder}/{published['cube']}",
         "overlay": f"{folder}/{published['overlay']}",

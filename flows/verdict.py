@@ -20,7 +20,7 @@ PUBLISHED = ("ok", "doubtful")
 def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
     """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
     limb = report["limb"]
-    rms_px, points, likeness = limb["rms_px"], limb["points"], limb["likeness"]
+    points, likeness = limb["points"], limb["likeness"]
     if likeness < accept.min_likeness:
         raise FailedError(
             "image-unlike-simulation",
@@ -28,7 +28,7 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if rms_px is None and accept.require_limb:
+    if limb["robust_px"] is None and accept.require_limb:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb["tried"] == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
@@ -37,10 +37,10 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             f"{measured}, so nothing bears the corrected pose out.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
-    if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:
+    if is_off(accept, limb, accept.max_limb_rms_px):
         raise FailedError(
             "limb-does-not-fit",
-            f"the corrected limb is {rms_px:.2f} px (RMS) from the image's, allowed {accept.max_limb_rms_px:g} px.",
+            f"the corrected limb is {off_in_words(limb)} from the image's, allowed {accept.max_limb_rms_px:g} px.",
             "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
         )
 
@@ -71,13 +71,27 @@ def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | N
 
 def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     """The doubt that a limb raises which lies elsewhere in the image than the corrected pose has it."""
-    rms_px, sure_px = report["limb"]["rms_px"], accept.sure_limb_rms_px
-    if rms_px is None or sure_px is None or rms_px <= sure_px:
+    if not is_off(accept, report["limb"], accept.sure_limb_rms_px):
         return None
     return (
-        f"limb-disagrees: markings and brightness put the limb {rms_px:.2f} px (RMS) from where the image shows it "
-        f"(sure to {sure_px:g} px). Check the base map and the picture; --profile standard trusts the limb alone."
+        f"limb-disagrees: markings and brightness put the limb {off_in_words(report['limb'])} from where the image "
+        f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
+        "trusts the limb alone."
     )
+
+
+def is_off(accept: AcceptSettings, limb: dict[str, Any], limit_px: float | None) -> bool:
+    """Whether the limb as a whole lies farther off than `limit_px`, or more than accept.limb_share of it so far off
+    that all of it together does."""
+    if limit_px is None or limb["robust_px"] is None:
+        return False
+    on_an_arc = limb["disagreeing"] > accept.limb_share and limb["normal_rms_px"] > limit_px
+    return bool(limb["robust_px"] > limit_px or on_an_arc)
+
+
+def off_in_words(limb: dict[str, Any]) -> str:
+    """How far off a limb is."""
+    return f"{limb['robust_px']:.2f} px (robust RMS; {limb['disagreeing']:.0%} of its segments disagree)"
 
 
 def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeError:

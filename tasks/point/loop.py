@@ -70,7 +70,7 @@ def refuse_saturated(observation: Observation) -> None:
     if saturated <= SMALLEST_PLATEAU_PX or not usable.any():
         return
     value, low = float(np.median(observation.image[plate])), float(np.percentile(observation.image[usable], 1))
-    bright = saturated + int(np.count_nonzero(observation.image[usable] > (low + value) / 2))
+    bright = int(np.count_nonzero(areas(plate | (usable & (observation.image > (low + value) / 2)))))
     if saturated > bright / 2:
         raise RefusedError(
             "saturated",

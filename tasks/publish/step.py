@@ -76,6 +76,8 @@ def limb_of(validate: Record) -> dict[str, Any]:
     return {
         "limb_rms_px": limb["rms_px"],
         "limb_points": limb["points"],
+        "limb_robust_px": limb["robust_px"],
+        "limb_disagreeing": limb["disagreeing"],
         "similarity": validate.result["similarity"],
     }
 

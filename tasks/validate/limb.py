@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
@@ -16,14 +17,25 @@ from tasks.compare.similarity import ssim
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
-ValidateSettings = LimbSettings
+# Shifts beyond so many robust sigmas (1.4826 times the median of their sizes) count as if they were just there.
+CLIPPED_SIGMAS = 2.5
+# Below this a robust sigma is the sampling's, not the limb's.
+LEAST_SIGMA_PX = 0.02
+
+
+class ValidateSettings(LimbSettings):
+    """disagree_px: a segment whose limb lies farther, across the limb, from where the simulation has it disagrees."""
+
+    disagree_px: float = Field(1.0, gt=0)
 
 
 @dataclass(frozen=True)
 class LimbReport:
     """rms_px, mean_px (x, y): of the shifts along rows and columns, image minus simulation; None when fewer than the
     settings' min_points segments could be measured. points: segments measured; tried: lit segments on usable pixels.
-    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. similarity: SSIM, and correlation,
+    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. robust_px: of that part, the RMS about
+    zero with what single segments are off clipped, see `robust_rms`; disagreeing: share of the segments that are off by
+    more than the settings' disagree_px. similarity: SSIM, and correlation,
     of image and simulation; likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px,
     horizontal: for the pictures."""
 
@@ -31,6 +43,8 @@ class LimbReport:
     mean_px: tuple[float, float] | None
     normal_rms_px: float | None
     normal_median_px: float | None
+    robust_px: float | None
+    disagreeing: float | None
     points: int
     tried: int
     similarity: float
@@ -47,6 +61,8 @@ class LimbReport:
             "mean_px",
             "normal_rms_px",
             "normal_median_px",
+            "robust_px",
+            "disagreeing",
             "points",
             "tried",
             "similarity",
@@ -71,6 +87,8 @@ def validate_limb(
         mean_px=(_mean(shift[horizontal]), _mean(shift[~horizontal])) if enough else None,
         normal_rms_px=_rms(edges.across_px) if enough else None,
         normal_median_px=float(np.median(edges.across_px)) if enough else None,
+        robust_px=robust_rms(edges.across_px) if enough else None,
+        disagreeing=float(np.mean(np.abs(edges.across_px) > settings.disagree_px)) if enough else None,
         points=len(shift),
         tried=edges.tried,
         similarity=ssim(match.image, edges.model, match.usable),
@@ -85,6 +103,17 @@ def validate_limb(
 def margin_px(settings: ValidateSettings) -> float:
     """Sky around the disk that segments and similarity are measured on."""
     return settings.half_px + 8.0
+
+
+def robust_rms(shift_px: Array) -> float:
+    """Root mean square about zero of shifts (n,), each clipped at CLIPPED_SIGMAS robust sigmas.
+
+    Some segments that lock onto an edge of albedo inside the limb hardly count; a limb that lies elsewhere, or is
+    larger, as a whole does, by as much as it is off (winsorised second moment: Huber, Robust Statistics, 1981).
+    """
+    size = np.abs(shift_px)
+    sigma = max(1.4826 * float(np.median(size)), LEAST_SIGMA_PX)
+    return _rms(np.minimum(size, CLIPPED_SIGMAS * sigma))
 
 
 def _rms(values: Array) -> float:
