@@ -11,6 +11,8 @@ from catalog.errors import RefusedError
 from catalog.target import Target
 
 MAX_MAP_PIXELS = 400_000_000
+# In place of a map's file: none, the body is taken to be without markings.
+NO_MAP = "none"
 
 
 @dataclass(frozen=True)

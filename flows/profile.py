@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from tasks.attitude import AttitudeSettings
+from tasks.diagnose.settings import DiagnoseSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
 from tasks.point import PointSettings
@@ -38,8 +39,8 @@ class AcceptSettings(BaseModel):
     """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
-    the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments that
-    lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere."""
+    the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments
+    that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
@@ -92,6 +93,7 @@ class Profile(BaseModel):
     still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
     accept: AcceptSettings = AcceptSettings()
+    diagnose: DiagnoseSettings = DiagnoseSettings()
 
     @model_validator(mode="after")
     def _something_is_left(self) -> "Profile":

@@ -6,6 +6,7 @@ from typing import Any
 
 from catalog.errors import PlanetposeError
 from flows.chain import Chain
+from flows.diagnosis import OVERLAY, TRIED, leave
 from flows.guidance import guidance_of, overruled_of
 from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
@@ -46,6 +47,7 @@ EMPTY: dict[str, Any] = {
     "pose": None,
     "cube": None,
     "overlay": None,
+    "tried": None,
     "seconds": {},
     "cached": [],
 }
@@ -59,6 +61,8 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
+    elif isinstance(error, PlanetposeError) and (folder := leave(chain)):
+        result |= {"overlay": f"{folder}/{OVERLAY}", "tried": f"{folder}/{TRIED}"}
     seconds = {name: record.seconds for name, record in chain.records.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}
 

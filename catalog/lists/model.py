@@ -19,8 +19,8 @@ class ImageEntry(BaseModel):
     product: name of its folder in a store; the image file's without suffix by default. image, label: a path (relative
     to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a
     camera may be a TOML file); None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
-    user's own. pose_file, truth_file: pose files, as paths. basemap: a location; None takes the catalog's. utc: middle
-    of the exposure. sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name.
+    user's own. pose_file, truth_file: pose files, as paths. basemap: a location, or "none"; None takes the catalog's.
+    utc: middle of the exposure. sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name.
     notes: for people.
     """
 

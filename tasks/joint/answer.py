@@ -56,8 +56,8 @@ def find_pose_jointly(
     image's: the attitude is then told as no better known than by its prior. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
-    elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude. Raises FailedError when too few
-    pixels are usable.
+    elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
+    Raises FailedError when too few pixels are usable.
     """
     priors = getattr(settings.priors, source) if isinstance(source, str) else settings.priors.of(source)
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)

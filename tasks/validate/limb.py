@@ -33,8 +33,8 @@ class ValidateSettings(LimbSettings):
 class LimbReport:
     """rms_px, mean_px (x, y): of the shifts along rows and columns, image minus simulation; None when fewer than the
     settings' min_points segments could be measured. points: segments measured; tried: lit segments on usable pixels.
-    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. robust_px: of that part, the RMS about
-    zero with what single segments are off clipped, see `robust_rms`; disagreeing: share of the segments that are off by
+    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. robust_px: of that part, the RMS
+    about zero with what single segments are off clipped, see `robust_rms`; disagreeing: share of the segments that are off by
     more than the settings' disagree_px. similarity: SSIM, and correlation,
     of image and simulation; likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px,
     horizontal: for the pictures."""

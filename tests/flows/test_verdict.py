@@ -80,7 +80,14 @@ def limb_of(shift_px: np.ndarray) -> dict[str, Any]:
 
 @pytest.mark.parametrize(
     ("share", "off_px", "doubted"),
-    [(0.05, -5.5, False), (0.1, -6.0, False), (0.15, -4.0, False), (0.3, -3.0, True), (0.25, 1.5, True), (0.6, 0.9, True)],
+    [
+        (0.05, -5.5, False),
+        (0.1, -6.0, False),
+        (0.15, -4.0, False),
+        (0.3, -3.0, True),
+        (0.25, 1.5, True),
+        (0.6, 0.9, True),
+    ],
 )
 def test_segments_on_an_edge_of_albedo_raise_no_doubt_and_an_arc_that_is_off_does(
     share: float, off_px: float, doubted: bool
@@ -96,7 +103,9 @@ def test_segments_on_an_edge_of_albedo_raise_no_doubt_and_an_arc_that_is_off_doe
 def test_a_doubtful_pose_whose_predicted_one_looks_away_fails_with_that_as_its_reason(predicted_deg: float) -> None:
     refuse_doubtful_behind(turned(predicted_deg).to_dict(), [])
     refuse_doubtful_behind(turned(3.0).to_dict(), ["limb-disagrees: it does. Check."])
-    with pytest.raises(FailedError, match=f"{predicted_deg:.0f} deg from its boresight.*limb-disagrees: it does") as failure:
+    with pytest.raises(
+        FailedError, match=f"{predicted_deg:.0f} deg from its boresight.*limb-disagrees: it does"
+    ) as failure:
         refuse_doubtful_behind(turned(predicted_deg).to_dict(), ["limb-disagrees: it does. Check."])
     assert failure.value.code == "target-behind-camera"
 
