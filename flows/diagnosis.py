@@ -1,7 +1,7 @@
 """What a failed image is told: the cause that explains it, and a folder with what was tried.
 
-The folder is STORE/.failed/PRODUCT: hidden, as what belongs to no product is, and passed over by who reads the store. It
-goes when the product is published.
+The folder is STORE/.failed/PRODUCT: hidden, as what belongs to no product is, and passed over by who reads the store.
+It goes when the product is published.
 """
 
 import shutil
@@ -17,7 +17,7 @@ from tasks.record import read_record
 
 FAILED = ".failed"
 OVERLAY, TRIED = "overlay.png", "tried.json"
-MAP = "map-does-not-match"
+MAP, OTHER = "map-does-not-match", "another-body"
 # Failures that a wrong pose, camera, target or map can have; others tell their cause themselves.
 EXAMINED = (
     "target-not-found",
@@ -29,9 +29,6 @@ EXAMINED = (
     "image-unlike-simulation",
     "no-usable-pixels",
     "joint-not-enough",
-)
-NOTHING_ELSE = (
-    "Neither another size, another direction of the Sun, a mirrored, turned or negative picture explains it better: "
 )
 
 
@@ -55,17 +52,22 @@ def diagnose(chain: Chain, error: PlanetposeError, scene: dict[str, Any], basema
     return error
 
 
-def may_do_without_map(error: PlanetposeError, scene: dict[str, Any]) -> bool:
-    """Whether the corrections are worth another try without the map's markings."""
-    return error.code == MAP and scene["basemap"] != UNIFORM
+def may_do_without(error: PlanetposeError, scene: dict[str, Any]) -> bool:
+    """Whether the corrections are worth another try without the map's markings, or without another body."""
+    return error.code == OTHER or (error.code == MAP and scene["basemap"] != UNIFORM)
 
 
-def without_map(chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Scene and places of a body without markings; what the corrections found with them is forgotten."""
+def without_cause(
+    chain: Chain, error: PlanetposeError, scene: dict[str, Any], basemap: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Scene and places of a body without markings, or of an image with another body masked; what the corrections found
+    before is forgotten."""
     for name in list(chain.records):
         if name.partition("-")[0] in (*CORRECTIONS, "validate"):
             for known in (chain.records, chain.steps):
                 del known[name]
+    if error.code == OTHER:
+        return scene | {"observation": chain.key("diagnose")}, basemap | {"undistort": chain.folder("diagnose")}
     return scene | {"basemap": dict(UNIFORM)}, basemap | {"basemap": None}
 
 

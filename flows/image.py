@@ -11,7 +11,7 @@ from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
-from flows.diagnosis import diagnose, forget, may_do_without_map, without_map
+from flows.diagnosis import diagnose, forget, may_do_without, without_cause
 from flows.guidance import guidance_of, is_started_elsewhere, overruled_of, pose_to_resume
 from flows.profile import CORRECTIONS
 from flows.request import (
@@ -57,18 +57,19 @@ def correct_frame(chain: Chain, frame: dict[str, Any]) -> None:
 def corrected_pose(
     chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]
 ) -> tuple[str, dict[str, Any], dict[str, Any]]:
-    """`correct_pose`; where it fails, the cause is looked for, and where that is the base map, it is done without."""
+    """`correct_pose`; where it fails, the cause is looked for, and where that is the base map or another body, it is
+    done without."""
     try:
         return correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
         cause = diagnose(chain, error, scene, basemap)
-        if not may_do_without_map(cause, scene):
+        if not may_do_without(cause, scene):
             raise cause from error
-        scene, basemap = without_map(chain, scene, basemap)
+        scene, basemap = without_cause(chain, cause, scene, basemap)
     try:
         return correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
-        raise type(error)(cause.code, f"{cause.fault} Corrected without them: {error.fault}", error.remedy) from error
+        raise type(error)(cause.code, f"{cause.fault} Corrected so: {error.fault}", error.remedy) from error
 
 
 def correct_pose(

@@ -40,13 +40,15 @@ class AcceptSettings(BaseModel):
     measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
     the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments
-    that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere."""
+    that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere. sure_blur:
+    where something else is doubted, a limb so many times as wide as simulated is told first."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
     sure_limb_rms_px: float | None = Field(None, gt=0)
     limb_share: float = Field(0.2, gt=0, le=1)
     require_limb: bool = True
+    sure_blur: float = Field(2.5, gt=1)
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)
 

@@ -52,10 +52,13 @@ def doubts(chain: Chain) -> list[str]:
     """
     last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
     found = [result.get("evidence", {}).get("doubt") for result in last.values()]
+    accept = chain.request.profile.accept
     if "validate" in last:
-        accept = chain.request.profile.accept
         found += [doubtful_likeness(accept, last["validate"]), doubtful_limb(accept, last["validate"])]
-    return [doubt for doubt in found if doubt]
+    found = [doubt for doubt in found if doubt]
+    if found and "validate" in last and (blurred := doubtful_blur(accept, last["validate"])):
+        found.insert(0, blurred)
+    return found
 
 
 def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
@@ -77,6 +80,17 @@ def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
         f"limb-disagrees: markings and brightness put the limb {off_in_words(report['limb'])} from where the image "
         f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
         "trusts the limb alone."
+    )
+
+
+def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """What a blur explains of other doubts: alone it is none, for a camera file may have a sharper one."""
+    blur = report["limb"].get("blur")
+    if blur is None or blur <= accept.sure_blur:
+        return None
+    return (
+        f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by motion, "
+        "focus or an atmosphere, or the camera's psf_sigma_px is too small. Check the picture and the camera file."
     )
 
 

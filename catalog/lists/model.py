@@ -20,8 +20,8 @@ class ImageEntry(BaseModel):
     to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: catalog names (a
     camera may be a TOML file); None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
     user's own. pose_file, truth_file: pose files, as paths. basemap: a location, or "none"; None takes the catalog's.
-    utc: middle of the exposure. sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted, by name.
-    notes: for people.
+    utc: middle of the exposure. sha256, label_sha256, bytes: of the files themselves. truth: what a simulation planted,
+    by name. notes: for people.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)

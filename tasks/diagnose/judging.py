@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.target import find_target, known_targets
 from tasks.diagnose.settings import DiagnoseSettings
@@ -13,16 +14,18 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 MAP = "map-does-not-match"
+OTHER = "another-body"
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """code, fault, remedy: as of a `PlanetposeError`. explanation: what the image was explained by."""
+    """code, fault, remedy: as of a `PlanetposeError`. explanation: what explains the image; None where the frame itself
+    is wrong."""
 
     code: str
     fault: str
     remedy: str
-    explanation: Explanation
+    explanation: Explanation | None
 
 
 def diagnosis_of(
@@ -39,19 +42,35 @@ def diagnosis_of(
             best = other
     best = turned_or_mirrored(best, good, settings)
     name = best.candidate.name
+    if name == "other-body":
+        return told_of_other(best, scene)
     if name == "mirrored":
-        return Diagnosis(*told_of_mirrored(), best)
+        return told_of_mirrored(best)
     if name == "rolled":
-        return Diagnosis(*told_of_rolled(best), best)
+        return told_of_rolled(best)
     if name == "inverted":
-        return Diagnosis(*told_of_inverted(scene), best)
+        return told_of_inverted(best, scene)
     if name == "sun":
-        return Diagnosis(*told_of_sun(best, predicted), best)
+        return told_of_sun(best, predicted)
     if abs(best.size - 1) > settings.same_size:
-        return Diagnosis(*told_of_size(best, predicted, scene, settings), best)
+        return told_of_size(best, predicted, scene, settings)
     if np.ptp(scene.basemap.albedo) > 0 and (best.markings is None or best.markings < settings.markings):
-        return Diagnosis(*told_of_map(best, scene), best)
+        return told_of_map(best, scene)
     return None
+
+
+def incomplete_frame(observation: Observation, scene: Scene, settings: DiagnoseSettings) -> Diagnosis | None:
+    """Whether so much of the frame is missing or flagged that this may be why nothing else explains it."""
+    share = 1 - float(observation.usable.mean())
+    if share < settings.incomplete:
+        return None
+    return Diagnosis(
+        "frame-incomplete",
+        f"{share:.0%} of the frame's pixels are missing, flagged or masked, and the rest shows too little of "
+        f"{scene.target.name} and its limb.",
+        "Give the whole frame, or a smaller --mask.",
+        None,
+    )
 
 
 def is_good(found: Explanation, scene: Scene, settings: DiagnoseSettings) -> bool:
@@ -75,51 +94,66 @@ def turned_or_mirrored(best: Explanation, good: list[Explanation], settings: Dia
     return best
 
 
-Told = tuple[str, str, str]
+def told_of_other(best: Explanation, scene: Scene) -> Diagnosis:
+    """What the user is told."""
+    x, y = scene.camera.project(best.pose.target_in_camera_km)
+    pixels = (best.candidate.observation.quality & np.uint16(Quality.MASKED_BY_USER)) != 0
+    rows, columns = np.nonzero(pixels)
+    return Diagnosis(
+        OTHER,
+        f"another bright body is in the frame, at x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}: with "
+        f"it masked, {scene.target.name} is found at ({x:.1f}, {y:.1f}).",
+        "Mask the other body (--mask FILE), and give --start-offset where the search still takes it for the target.",
+        best,
+    )
 
 
-def told_of_mirrored() -> Told:
-    """Code, fault and remedy."""
-    return (
+def told_of_mirrored(best: Explanation) -> Diagnosis:
+    """What the user is told."""
+    return Diagnosis(
         "image-mirrored",
         "the picture is mirrored: with left and right exchanged, outline, shading and markings are the predicted ones.",
         "Mirror the picture, or give a camera file whose camera_from_instrument says how it is read out.",
+        best,
     )
 
 
-def told_of_rolled(best: Explanation) -> Told:
-    """Code, fault and remedy."""
-    return (
+def told_of_rolled(best: Explanation) -> Diagnosis:
+    """What the user is told."""
+    return Diagnosis(
         "image-turned",
-        f"the picture is turned: with the camera rolled by {best.candidate.detail:.0f} deg about its boresight (from +x "
-        "towards +y), outline, shading and markings are the image's.",
+        f"the picture is turned: with the camera rolled by {best.candidate.detail:.0f} deg about its boresight (from "
+        "+x towards +y), outline, shading and markings are the image's.",
         "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the camera's camera_from_instrument.",
+        best,
     )
 
 
-def told_of_inverted(scene: Scene) -> Told:
-    """Code, fault and remedy."""
-    return (
+def told_of_inverted(best: Explanation, scene: Scene) -> Diagnosis:
+    """What the user is told."""
+    return Diagnosis(
         "image-inverted",
         f"the picture is a negative: {scene.target.name} is darker than the sky, and as its negative it fits.",
         "Give the picture with brightness growing with light.",
+        best,
     )
 
 
-def told_of_sun(best: Explanation, predicted: Pose) -> Told:
-    """Code, fault and remedy."""
+def told_of_sun(best: Explanation, predicted: Pose) -> Diagnosis:
+    """What the user is told."""
     here, there = sun_azimuth_deg(best.pose), sun_azimuth_deg(predicted)
-    return (
+    return Diagnosis(
         "sun-direction",
-        f"the predicted direction of the Sun is not the image's: it is lit from about {here:.0f} deg in the picture (from "
-        f"+x towards +y) at a phase angle of about {best.pose.phase_deg:.0f} deg, predicted are {there:.0f} and "
+        f"the predicted direction of the Sun is not the image's: it is lit from about {here:.0f} deg in the picture "
+        f"(from +x towards +y) at a phase angle of about {best.pose.phase_deg:.0f} deg, predicted are {there:.0f} and "
         f"{predicted.phase_deg:.0f} deg.",
-        "Check sun_from_target_km, the time, and camera_from_j2000: a camera turned about its boresight looks the same.",
+        "Check sun_from_target_km, the time, and camera_from_j2000: a camera turned about its boresight looks so.",
+        best,
     )
 
 
-def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Told:
-    """Code, fault and remedy."""
+def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
+    """What the user is told."""
     size, focal_px = best.size, scene.camera.focal_length_px * best.size
     radius = disk_radius_px(predicted, scene.camera, scene.target)
     seen = (
@@ -128,18 +162,20 @@ def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: Dia
     )
     for factor, mode in ((0.5, "summed 2x2"), (0.25, "summed 4x4"), (2.0, "not summed")):
         if abs(size / factor - 1) <= settings.summed_size:
-            return (
+            return Diagnosis(
                 "summing-mode",
                 f"{seen}: the frame is {mode}, the camera's focal length in pixels is another one, or the range is.",
                 f"Give --camera FILE.toml with focal_length_px = {focal_px:.6g}; it fits the image.",
+                best,
             )
     bodies = bodies_of_radius(max(scene.target.radii_km) * size, settings.bodies, scene.target.name)
     other = f", or --target {bodies[0]}" if len(bodies) == 1 else f", or another target ({', '.join(bodies)})"
-    return (
+    return Diagnosis(
         "disk-size",
         f"{seen}: the range, the focal length (camera, summing mode) or the target is not the image's.",
         f"A range of {predicted.range_km / size:.6g} km fits, or focal_length_px = {focal_px:.6g}"
         f"{other if bodies else ''}.",
+        best,
     )
 
 
@@ -150,13 +186,14 @@ def bodies_of_radius(radius_km: float, tolerance: float, but: str) -> list[str]:
     return sorted((name for name in near if near[name] <= tolerance), key=lambda name: near[name])[:4]
 
 
-def told_of_map(best: Explanation, scene: Scene) -> Told:
-    """Code, fault and remedy."""
+def told_of_map(best: Explanation, scene: Scene) -> Diagnosis:
+    """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     agreement = "" if best.markings is None else f" (they correlate by {best.markings:.2f})"
-    return (
+    return Diagnosis(
         MAP,
         f"the markings of the base map {scene.basemap.name} are not the image's{agreement}: without them, outline and "
         f"shading fit, with the centre at ({x:.1f}, {y:.1f}) and a range factor of {1 / best.size:.4f}.",
         "Clouds, another map or another face mislead; --map none leaves the markings out.",
+        best,
     )

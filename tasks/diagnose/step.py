@@ -8,12 +8,13 @@ import numpy as np
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
-from tasks.diagnose.judging import MAP, Diagnosis, diagnosis_of
+from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, incomplete_frame
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
 from tasks.publish.overlay import draw_overlay
 from tasks.simulate import Scene
-from tasks.stored import load_observation, pose_in, scene_of
+from tasks.stored import load_arrays, load_observation, pose_in, save_arrays, save_observation, scene_of
+from tasks.undistort.step import DISTORTION
 from tasks.work import Progress, Work
 
 OVERLAY, TRIED = "overlay.png", "tried.json"
@@ -23,7 +24,8 @@ OTHER_FRAME = ("mirrored",)
 
 def run(work: Work) -> dict[str, Any]:
     """What explains the image (see `diagnosis_of`), None where nothing does or nothing was to be tried; and the doubt
-    that a result without the map's markings, if there comes to be one, is told with."""
+    that a result without the map's markings, or without another body, if there comes to be one, is told with. Where
+    another body was masked, the folder also holds the masked image, for later steps to use."""
     observation, predicted, scene = (
         load_observation(work.place("undistort")),
         pose_in(work.place("pose")),
@@ -51,6 +53,12 @@ def run(work: Work) -> dict[str, Any]:
         evidence["doubt"] = (
             f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
         )
+    if diagnosis.code == OTHER and diagnosis.explanation:
+        evidence["doubt"] = (
+            f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
+        )
+        save_observation(work.folder, diagnosis.explanation.candidate.observation)
+        save_arrays(work.folder / DISTORTION, **load_arrays(work.place("undistort") / DISTORTION))
     return {"diagnosis": cause, "evidence": evidence}
 
 
@@ -61,12 +69,12 @@ def examined(
     centre = (np.array(scene.camera.size_px) - 1) / 2
     inside = pose_pointed_at(predicted, scene.camera, centre)
     found = tried(observation, inside, scene, settings, progress)
-    return found, diagnosis_of(found, inside, scene, settings)
+    return found, diagnosis_of(found, inside, scene, settings) or incomplete_frame(observation, scene, settings)
 
 
 def pictured(found: list[Explanation], diagnosis: Diagnosis | None) -> Explanation | None:
     """The explanation whose limb is drawn: the one that explains the image, else the one most like it."""
-    if diagnosis and diagnosis.explanation.candidate.name not in OTHER_FRAME:
+    if diagnosis and diagnosis.explanation and diagnosis.explanation.candidate.name not in OTHER_FRAME:
         return diagnosis.explanation
     same_frame = [each for each in found if each.candidate.name not in OTHER_FRAME]
     return max(same_frame, key=lambda each: each.likeness, default=None)

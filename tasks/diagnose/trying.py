@@ -17,6 +17,7 @@ from catalog.pose import Pose
 from tasks.compare.brightness import brightness_columns, correlation, robust_least_squares
 from tasks.compare.likeness import with_rim
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
+from tasks.diagnose.others import without_others
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.diagnose.suns import sun_azimuth_deg, with_sun
 from tasks.joint.parameters import rolled
@@ -27,7 +28,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.validate.limb import ValidateSettings, validate_limb
 
-Name = Literal["as-predicted", "size", "sun", "mirrored", "rolled", "inverted"]
+Name = Literal["as-predicted", "other-body", "size", "sun", "mirrored", "rolled", "inverted"]
 Progress = Callable[[str, int, str], None]
 MIN_OVERLAP = 0.25
 SETTLING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
@@ -50,11 +51,12 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Explanation:
-    """A candidate settled on the image. pose: where it came to rest, in the frame of `observation`, which is mirrored or
-    inverted where the candidate's is. score: correlation of the coarse search. likeness: see `tasks.compare.likeness`,
-    without the map's markings; markings: see `markings_at`, None without a map. size: width of the disk by the predicted one.
-    limb_px, limb_share: robust RMS of the limb's shifts, and the part of the lit segments that was measured.
-    in_frame: part of the disk in the frame. fault: why it did not come to rest, None when it did."""
+    """A candidate settled on the image. pose: where it came to rest, in the frame of `observation`, which is mirrored
+    or inverted where the candidate's is. score: correlation of the coarse search. likeness: see
+    `tasks.compare.likeness`, without the map's markings; markings: see `markings_at`, None without a map. size: width
+    of the disk by the predicted one. limb_px, limb_share: robust RMS of the limb's shifts, and the part of the lit
+    segments that was measured. in_frame: part of the disk in the frame. fault: why it did not come to rest, None when
+    it did."""
 
     candidate: Candidate
     pose: Pose
@@ -89,7 +91,9 @@ def tried(
     """The best explanation of each family, the predicted one first. pose: the target in front of the camera."""
     plain = replace(scene, basemap=uniform_map())
     rough = replace(plain, settings=plain.settings.model_copy(update={"oversample": SEARCH_OVERSAMPLE}))
-    seen = [best for family in families(observation, pose, settings) if (best := best_of(family, rough, settings))]
+    seen = [
+        best for family in families(observation, pose, plain, settings) if (best := best_of(family, rough, settings))
+    ]
     worth = max([find.score for _, find in seen], default=0.0) - settings.worth
     found = []
     for number, (candidate, find) in enumerate(seen, 1):
@@ -100,9 +104,14 @@ def tried(
     return found
 
 
-def families(observation: Observation, pose: Pose, settings: DiagnoseSettings) -> Iterator[list[Candidate]]:
+def families(
+    observation: Observation, pose: Pose, scene: Scene, settings: DiagnoseSettings
+) -> Iterator[list[Candidate]]:
     """Candidates, by what they change; the predicted pose first."""
     yield [Candidate("as-predicted", 1.0, observation, pose)]
+    others = without_others(observation, pose, scene)
+    if others:
+        yield [Candidate("other-body", 1.0, others.observation, pose)]
     yield [Candidate("size", size, observation, pose.with_range_factor(1 / size)) for size in settings.sizes]
     azimuths = sun_azimuth_deg(pose) + 360 * np.arange(settings.azimuths) / settings.azimuths
     phases = (pose.phase_deg, *settings.phases_deg)
@@ -178,8 +187,8 @@ def settled(
 
 def markings_at(observation: Observation, pose: Pose, scene: Scene) -> float | None:
     """Correlation (-1..1) of what image and map show inside the lit disk beyond outline and shading; None without a
-    map, or where too little of the disk is seen. A turn by some degrees lowers it, another face or a mirrored one leaves
-    nothing."""
+    map, or where too little of the disk is seen. A turn by some degrees lowers it, another face or a mirrored one
+    leaves nothing."""
     if np.ptp(scene.basemap.albedo) == 0:
         return None
     match = with_rim(observation, pose, scene)

@@ -38,7 +38,7 @@ def find_target(
 
     The simulated disk with a rim of sky is correlated with every position of the frame at which at least `min_overlap`
     of it lies on usable pixels (Padfield 2012, IEEE Trans. Image Process. 21, 2706), so that a disk cut by the frame
-    is found as well. step_px: cell of the search grid; by default such that the disk is TEMPLATE_DIAMETER_PX cells wide.
+    is found as well. step_px: cell of the search grid, by default one of TEMPLATE_DIAMETER_PX across the disk.
     clip_at: share of the highest brightness at which image and simulation are clipped, so that what is sunlit counts,
     not how bright clouds and markings make it; None does not.
     """

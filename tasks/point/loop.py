@@ -63,7 +63,8 @@ def refuse_without_limb(pose: Pose, scene: Scene) -> None:
 
 def refuse_saturated(observation: Observation) -> None:
     """Raise RefusedError when most of what is bright is saturated, flagged or not: a disk clipped to a white plate
-    would be fitted with a wrong size. Hot pixels, bright columns and stars are no part of a disk, see `saturation.areas`."""
+    would be fitted with a wrong size. Hot pixels, bright columns and stars are no part of a disk, see
+    `saturation.areas`."""
     flagged = with_plate_flagged(observation)
     plate = areas((flagged.quality & np.uint16(Quality.SATURATED)) != 0)
     saturated, usable = int(np.count_nonzero(plate)), flagged.usable

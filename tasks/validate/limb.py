@@ -11,8 +11,9 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.likeness import likeness, with_rim
-from tasks.compare.limb_edges import LimbSettings, measure_limb
-from tasks.compare.match import framed_window, match_scene
+from tasks.compare.limb_edges import LimbEdges, LimbSettings, measure_limb
+from tasks.compare.match import Match, framed_window, match_scene
+from tasks.compare.segments import Segments, profiles
 from tasks.compare.similarity import ssim
 from tasks.simulate import Scene
 
@@ -34,10 +35,9 @@ class LimbReport:
     """rms_px, mean_px (x, y): of the shifts along rows and columns, image minus simulation; None when fewer than the
     settings' min_points segments could be measured. points: segments measured; tried: lit segments on usable pixels.
     normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. robust_px: of that part, the RMS
-    about zero with what single segments are off clipped, see `robust_rms`; disagreeing: share of the segments that are off by
-    more than the settings' disagree_px. similarity: SSIM, and correlation,
-    of image and simulation; likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px,
-    horizontal: for the pictures."""
+    about zero with what single segments are off clipped, see `robust_rms`; blur: see `blur_of`; disagreeing: share of
+    the segments off by more than the settings' disagree_px. similarity: SSIM, and correlation, of image and simulation;
+    likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px, horizontal: for the pictures."""
 
     rms_px: float | None
     mean_px: tuple[float, float] | None
@@ -45,6 +45,7 @@ class LimbReport:
     normal_median_px: float | None
     robust_px: float | None
     disagreeing: float | None
+    blur: float | None
     points: int
     tried: int
     similarity: float
@@ -63,6 +64,7 @@ class LimbReport:
             "normal_median_px",
             "robust_px",
             "disagreeing",
+            "blur",
             "points",
             "tried",
             "similarity",
@@ -89,6 +91,7 @@ def validate_limb(
         normal_median_px=float(np.median(edges.across_px)) if enough else None,
         robust_px=robust_rms(edges.across_px) if enough else None,
         disagreeing=float(np.mean(np.abs(edges.across_px) > settings.disagree_px)) if enough else None,
+        blur=blur_of(match, edges, settings) if enough else None,
         points=len(shift),
         tried=edges.tried,
         similarity=ssim(match.image, edges.model, match.usable),
@@ -103,6 +106,23 @@ def validate_limb(
 def margin_px(settings: ValidateSettings) -> float:
     """Sky around the disk that segments and similarity are measured on."""
     return settings.half_px + 8.0
+
+
+def blur_of(match: Match, edges: LimbEdges, settings: ValidateSettings) -> float:
+    """How many times as wide as in the simulation the limb's edge is in the image, median over the segments. The width
+    of an edge: the brightness along the segment, from its least to its most, by the steepest fall."""
+    image, model = (
+        np.median(edge_width(profiles(picture, edges.segments, match.origin, settings.half_px), edges.segments))
+        for picture in (match.image.astype(np.float64), edges.model)
+    )
+    return float(image / max(model, 1e-9))
+
+
+def edge_width(values: Array, segments: Segments) -> Array:
+    """Widths (n,), px, of edges along segments (n, 2*half+1)."""
+    outward = np.sign(np.where(segments.horizontal, segments.normal[:, 0], segments.normal[:, 1]))
+    fall = -outward[:, None] * (values[:, 2:] - values[:, :-2]) / 2
+    return np.asarray(np.ptp(values, axis=1) / np.maximum(fall.max(axis=1), 1e-9))
 
 
 def robust_rms(shift_px: Array) -> float:
