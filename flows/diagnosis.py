@@ -4,6 +4,7 @@ The folder is STORE/.failed/PRODUCT: hidden, as what belongs to no product is, a
 It goes when the product is published.
 """
 
+import logging
 import shutil
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,9 @@ from flows.chain import Chain
 from flows.profile import CORRECTIONS
 from flows.request import UNIFORM, Request
 from tasks.atomic import folder_put_in_place
-from tasks.record import read_record
+from tasks.record import RECORD_FILE, read_record
 
+logger = logging.getLogger("planetpose")
 FAILED = ".failed"
 OVERLAY, TRIED = "overlay.png", "tried.json"
 MAP, OTHER = "map-does-not-match", "another-body"
@@ -77,15 +79,20 @@ def failed_folder(request: Request) -> Path:
 
 
 def leave(chain: Chain) -> Path | None:
-    """Put what the step `diagnose` left into the store; its folder, None when the image did not come so far."""
+    """Put what the step `diagnose` left into the store; its folder, None when the image did not come so far, or nothing
+    can be written there."""
     if "diagnose" not in chain.steps or "diagnose" not in chain.records:
         return None
     step, folder = chain.steps["diagnose"], failed_folder(chain.request)
-    if read_record(folder, step.key) is None:
+    if read_record(folder, step.key) is not None:
+        return folder
+    try:
         with folder_put_in_place(folder) as new:
-            for path in step.folder.iterdir():
-                if path.is_file():
-                    shutil.copyfile(path, new / path.name)
+            for name in (OVERLAY, TRIED, RECORD_FILE):
+                shutil.copyfile(step.folder / name, new / name)
+    except OSError as trouble:  # the image's own fault matters more
+        logger.warning("%s was not written: %s", folder, trouble)
+        return None
     return folder
 
 

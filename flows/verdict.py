@@ -89,8 +89,8 @@ def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     if blur is None or blur <= accept.sure_blur:
         return None
     return (
-        f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by motion, "
-        "focus or an atmosphere, or the camera's psf_sigma_px is too small. Check the picture and the camera file."
+        f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
+        "motion, focus or an atmosphere, or the camera's psf_sigma_px is too small. Check picture and camera file."
     )
 
 

@@ -95,14 +95,14 @@ def usual(view: int = 0, radius_px: float = 50.0, target: str = "europa", **othe
     return pose, exposed(rendered(pose, CAMERA, [body_at(pose, body.radii_km, texture_of(target))]), view)
 
 
-def scenes() -> Iterator[Hostile]:
-    """All of them."""
+def scenes(views: tuple[int, ...] = (0, 1, 2)) -> Iterator[Hostile]:
+    """All of them, for each of the views."""
     rng = np.random.default_rng(5)
-    for view in range(3):
+    for view in views:
         pose, image = usual(view)
         given = wrong(pose)
         yield from sizes(view, image, given)
-        yield from poses(view, image, given)
+        yield from poses(view, image, given, pose)
         yield from pictures(view, image, given, pose, rng)
         yield from bodies(view, given)
 
@@ -118,14 +118,14 @@ def sizes(view: int, image: np.ndarray, given: Pose) -> Iterator[Hostile]:
     yield Hostile(f"tiny-{view}", "small", image, given.with_range_factor(20.0))
 
 
-def poses(view: int, image: np.ndarray, given: Pose) -> Iterator[Hostile]:
+def poses(view: int, image: np.ndarray, given: Pose, truth: Pose) -> Iterator[Hostile]:
     """The pose is wrong in another way."""
     for turn_deg in (80.0, -120.0):
         sight = given.target_from_spacecraft_km / given.range_km
         sun = rotation_from_vector_deg(turn_deg * sight) @ given.sun_from_target_km
         yield Hostile(f"sun-{turn_deg:.0f}-{view}", "sun", image, given.replaced(sun_from_target_km=sun))
     away = rotation_from_vector_deg([0, 175, 0]) @ given.camera_from_j2000
-    yield Hostile(f"behind-{view}", "behind", image, given.replaced(camera_from_j2000=away))
+    yield Hostile(f"behind-{view}", "behind", image, given.replaced(camera_from_j2000=away), truth=truth)
     rolled = rotation_from_vector_deg([0, 0, 180]) @ given.camera_from_j2000
     yield Hostile(f"turned-{view}", "turned", image, given.replaced(camera_from_j2000=rolled))
 
