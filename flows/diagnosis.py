@@ -54,9 +54,10 @@ def diagnose(chain: Chain, error: PlanetposeError, scene: dict[str, Any], basema
     return error
 
 
-def may_do_without(error: PlanetposeError, scene: dict[str, Any]) -> bool:
+def may_do_without(chain: Chain, error: PlanetposeError, scene: dict[str, Any]) -> bool:
     """Whether the corrections are worth another try without the map's markings, or without another body."""
-    return error.code == OTHER or (error.code == MAP and scene["basemap"] != UNIFORM)
+    found = chain.result("diagnose") or {}
+    return bool(found.get("masked")) or (error.code == MAP and scene["basemap"] != UNIFORM)
 
 
 def without_cause(

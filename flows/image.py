@@ -63,7 +63,7 @@ def corrected_pose(
         return correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
         cause = diagnose(chain, error, scene, basemap)
-        if not may_do_without(cause, scene):
+        if not may_do_without(chain, cause, scene):
             raise cause from error
         scene, basemap = without_cause(chain, cause, scene, basemap)
     try:

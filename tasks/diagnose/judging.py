@@ -7,6 +7,7 @@ import numpy as np
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.target import find_target, known_targets
+from tasks.diagnose.others import without_others
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.diagnose.suns import sun_azimuth_deg
 from tasks.diagnose.trying import Explanation
@@ -61,14 +62,30 @@ def diagnosis_of(
 
 def incomplete_frame(observation: Observation, scene: Scene, settings: DiagnoseSettings) -> Diagnosis | None:
     """Whether so much of the frame is missing or flagged that this may be why nothing else explains it."""
-    share = 1 - float(observation.usable.mean())
+    meant = np.uint16(Quality.MASKED_BY_USER | Quality.SATURATED)
+    share = float(np.mean(~observation.usable & ((observation.quality & meant) == 0)))
     if share < settings.incomplete:
         return None
     return Diagnosis(
         "frame-incomplete",
-        f"{share:.0%} of the frame's pixels are missing, flagged or masked, and the rest shows too little of "
+        f"{share:.0%} of the frame's pixels are missing or flagged as bad, and the rest shows too little of "
         f"{scene.target.name} and its limb.",
-        "Give the whole frame, or a smaller --mask.",
+        "Give the whole frame.",
+        None,
+    )
+
+
+def hidden_by_other(observation: Observation, predicted: Pose, scene: Scene) -> Diagnosis | None:
+    """Whether a body that is too large to be the target is in the frame, where nothing is found beside it."""
+    others = without_others(observation, predicted, scene)
+    if others is None:
+        return None
+    rows, columns = np.nonzero(others.pixels)
+    return Diagnosis(
+        OTHER,
+        f"another bright body, too large to be {scene.target.name} at its predicted range, is in the frame, at "
+        f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}, and the target is not found beside it.",
+        "In front of another body the limb of a target is not measured: use another image, or check the range.",
         None,
     )
 

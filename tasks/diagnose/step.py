@@ -8,7 +8,7 @@ import numpy as np
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
-from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, incomplete_frame
+from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, hidden_by_other, incomplete_frame
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
 from tasks.publish.overlay import draw_overlay
@@ -32,7 +32,8 @@ def run(work: Work) -> dict[str, Any]:
         scene_of(work),
     )
     settings = DiagnoseSettings.model_validate(work.inputs["settings"])
-    found, diagnosis = [], None
+    found: list[Explanation] = []
+    diagnosis: Diagnosis | None = None
     if work.inputs["try"]:
         found, diagnosis = examined(observation, predicted, scene, settings, work.progress)
     told = [explanation.told(scene) for explanation in found]
@@ -53,13 +54,14 @@ def run(work: Work) -> dict[str, Any]:
         evidence["doubt"] = (
             f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
         )
-    if diagnosis.code == OTHER and diagnosis.explanation:
+    masked = diagnosis.code == OTHER and diagnosis.explanation is not None
+    if masked and diagnosis.explanation:
         evidence["doubt"] = (
             f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
         )
         save_observation(work.folder, diagnosis.explanation.candidate.observation)
         save_arrays(work.folder / DISTORTION, **load_arrays(work.place("undistort") / DISTORTION))
-    return {"diagnosis": cause, "evidence": evidence}
+    return {"diagnosis": cause, "masked": masked, "evidence": evidence}
 
 
 def examined(
@@ -69,7 +71,12 @@ def examined(
     centre = (np.array(scene.camera.size_px) - 1) / 2
     inside = pose_pointed_at(predicted, scene.camera, centre)
     found = tried(observation, inside, scene, settings, progress)
-    return found, diagnosis_of(found, inside, scene, settings) or incomplete_frame(observation, scene, settings)
+    diagnosis = (
+        diagnosis_of(found, inside, scene, settings)
+        or hidden_by_other(observation, inside, scene)
+        or incomplete_frame(observation, scene, settings)
+    )
+    return found, diagnosis
 
 
 def pictured(found: list[Explanation], diagnosis: Diagnosis | None) -> Explanation | None:

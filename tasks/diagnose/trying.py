@@ -125,7 +125,8 @@ def families(
 
 def mirrored(observation: Observation) -> Observation:
     """Left and right exchanged."""
-    return Observation(*(part[:, ::-1].copy() for part in (observation.image, observation.noise, observation.quality)))
+    image, noise, quality = observation.image, observation.noise, observation.quality
+    return Observation(image[:, ::-1].copy(), noise[:, ::-1].copy(), quality[:, ::-1].copy())
 
 
 def best_of(family: list[Candidate], scene: Scene, settings: DiagnoseSettings) -> tuple[Candidate, CoarseFind] | None:

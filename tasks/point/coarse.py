@@ -91,5 +91,5 @@ def without_specks(observation: Observation, width_px: float, allowance: float =
     side = int(np.clip(width_px / 2, 2, SPECK_PX))
     low = np.float32(np.percentile(observation.image[usable], 1))
     image = np.where(usable, observation.image, low)
-    high = float(cv2.erode(image, np.ones((side, side), np.uint8)).max())
-    return replace(observation, image=np.minimum(image, low + allowance * max(high - low, 0.0)).astype(np.float32))
+    span = max(float(cv2.erode(image, np.ones((side, side), np.uint8)).max()) - float(low), 0.0)
+    return replace(observation, image=np.minimum(image, float(low) + allowance * span).astype(np.float32))
