@@ -25,6 +25,8 @@ Progress = Callable[[str, int, str], None]
 RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 SMALLEST_PLATEAU_PX = 100
+# A disk of which more of the bright pixels are saturated is refused; with 63 % of them so it is still found by the rest.
+SATURATED_SHARE = 0.75
 
 
 class PointSettings(BaseModel):
@@ -62,7 +64,7 @@ def refuse_without_limb(pose: Pose, scene: Scene) -> None:
 
 
 def refuse_saturated(observation: Observation) -> None:
-    """Raise RefusedError when most of what is bright is saturated, flagged or not: a disk clipped to a white plate
+    """Raise RefusedError when nearly all that is bright is saturated, flagged or not: a disk clipped to a white plate
     would be fitted with a wrong size. Hot pixels, bright columns and stars are no part of a disk, see
     `saturation.areas`."""
     flagged = with_plate_flagged(observation)
@@ -72,7 +74,7 @@ def refuse_saturated(observation: Observation) -> None:
         return
     value, low = float(np.median(observation.image[plate])), float(np.percentile(observation.image[usable], 1))
     bright = int(np.count_nonzero(areas(plate | (usable & (observation.image > (low + value) / 2)))))
-    if saturated > bright / 2:
+    if saturated > SATURATED_SHARE * bright:
         raise RefusedError(
             "saturated",
             f"the disk is saturated: {saturated} of its {bright} bright pixels are clipped at the value {value:g}.",

@@ -17,6 +17,8 @@ FEWEST_PIXELS = 60
 SAME = 1e-4
 # A disk that is not clipped has pixels just below its highest value, too: within this share of the span.
 NEAR = 0.02
+# The next lower value counts as near only within this share: what is farther below a plate is the sky.
+NEAREST = 0.1
 # So many times as many pixels at the top value as near it make a plate. Measured on disks of 24 and 220 px at phase
 # angles of 0-80 deg, in 20-250 whole numbers: 0.0-0.5 where nothing is clipped, 2.5 and more where it is at 3/4 of the
 # peak.
@@ -66,7 +68,7 @@ def clipped_plate(observation: Observation) -> Plate | None:
 def _step_below(image: NDArray[np.float32], high: float, span: float) -> float:
     """From the top value to the next lower one, so that also an image of few grey levels has values near its top."""
     lower = image[image < high - SAME * span]
-    return 1.01 * (high - float(lower.max())) if lower.size else 0.0
+    return min(1.01 * (high - float(lower.max())), NEAREST * span) if lower.size else 0.0
 
 
 def with_plate_flagged(observation: Observation) -> Observation:
