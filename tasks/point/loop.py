@@ -25,7 +25,7 @@ Progress = Callable[[str, int, str], None]
 RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 SMALLEST_PLATEAU_PX = 100
-# A disk of which more of the bright pixels are saturated is refused; with 63 % of them so it is still found by the rest.
+# A disk of which more of the bright pixels are saturated is refused; with 63 % the rest still tells.
 SATURATED_SHARE = 0.75
 
 
