@@ -29,8 +29,8 @@ ARGUMENTS = [
 KEYS = [
     "product", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "guidance", "centre_px",
     "offset_px", "range_factor", "attitude_deg", "roll_deg", "range_factor_free", "psf_sigma_px", "uncertainty",
-    "settled", "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "pose", "cube", "overlay", "tried",
-    "seconds", "cached",
+    "settled", "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "pose", "cube",
+    "overlay", "tried", "seconds", "cached",
 ]  # fmt: skip
 
 
