@@ -13,6 +13,8 @@ from catalog.target import Target
 
 MAX_MAP_PIXELS = 400_000_000
 MAX_MAP_BYTES = 9 * MAX_MAP_PIXELS
+# In place of a map's file: none, the body is taken to be without markings.
+NO_MAP = "none"
 
 
 @dataclass(frozen=True)

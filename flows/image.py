@@ -11,6 +11,7 @@ from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
+from flows.diagnosis import diagnose, forget, may_do_without, without_cause
 from flows.guidance import guidance_of, is_started_elsewhere, overruled_of, pose_to_resume
 from flows.profile import CORRECTIONS
 from flows.request import (
@@ -27,11 +28,11 @@ from flows.request import (
 )
 from flows.result import profile_origin, result_of
 from flows.settling import settled
-from flows.verdict import believe, explained, reminded
+from flows.verdict import believe, doubts, explained, refuse_doubtful_behind, reminded
 from tasks.correction import IMAGE_MOVED
 from tasks.publish.origin import PublishStep, note_place, origin_of, refuse_taken
 
-STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "publish", "upload")
+STEP_KINDS = ("ingest", "pose", "undistort", "start", *CORRECTIONS, "validate", "diagnose", "publish", "upload")
 
 
 def correct_image(chain: Chain) -> None:
@@ -51,12 +52,31 @@ def correct_frame(chain: Chain, frame: dict[str, Any]) -> None:
     undistort(chain, frame)
     scene, basemap = scene_inputs(chain, frame, predicted)
     try:
-        latest, scene, basemap = correct_pose(chain, scene, basemap)
+        latest, scene, basemap = corrected_pose(chain, scene, basemap)
     except PlanetposeError as error:
         raise explained(error, predicted["pose"]) from error
     publish(chain, frame, latest, scene, basemap)
+    forget(chain.request)
     if chain.request.publish_to:
         upload(chain, chain.request.publish_to)
+
+
+def corrected_pose(
+    chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]
+) -> tuple[str, dict[str, Any], dict[str, Any]]:
+    """`correct_pose`; where it fails, the cause is looked for, and where that is the base map or another body, it is
+    done without."""
+    try:
+        return correct_pose(chain, scene, basemap)
+    except PlanetposeError as error:
+        cause = diagnose(chain, error, scene, basemap)
+        if not may_do_without(chain, cause, scene):
+            raise cause from error
+        scene, basemap = without_cause(chain, cause, scene, basemap)
+    try:
+        return correct_pose(chain, scene, basemap)
+    except PlanetposeError as error:
+        raise type(error)(cause.code, f"{cause.fault} Corrected so: {error.fault}", error.remedy) from error
 
 
 def correct_pose(
@@ -74,6 +94,7 @@ def correct_pose(
         if number > 1 and settled(chain, number):
             break
     believe(chain.request.profile.accept, validate(chain, latest, scene, basemap))
+    refuse_doubtful_behind(chain.records["pose"].result["pose"], doubts(chain))
     return latest, scene, basemap
 
 

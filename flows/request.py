@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
-from catalog.basemap import MAX_MAP_BYTES, packaged_map_path
+from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
 from catalog.camera import CAMERA_FOLDER, find_camera
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
@@ -33,6 +33,8 @@ LARGEST_BYTES = {
     "reseau table": MAX_TEXT_BYTES,
 }
 
+UNIFORM: dict[str, Any] = {"name": "uniform", "sha256": "uniform", "left_edge_deg": 0.0}
+
 
 def _profile_by_name(profile: Any) -> Any:
     if isinstance(profile, dict):
@@ -49,7 +51,8 @@ def _name_of_file(known: dict[str, Any]) -> str:
 
 class Request(BaseModel):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
-    target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog. shape:
+    target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog, a
+    basemap "none" takes none. shape:
     model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
     environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
     what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
@@ -167,12 +170,14 @@ def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]
 
 
 def basemap_inputs(request: Request, target: dict[str, Any]) -> tuple[dict[str, Any], str | None]:
-    """The base map as inputs, and its file (None: a body without a map, which is rendered uniform)."""
+    """The base map as inputs, and its file (None: a body without a map, or --map none; it is rendered uniform)."""
+    if request.basemap is not None and str(request.basemap) == NO_MAP:
+        return dict(UNIFORM), None
     if request.basemap is not None:
         path = request.basemap
     elif target.get("basemap"):
         path = packaged_map_path(target["basemap"])
     else:
-        return {"name": "uniform", "sha256": "uniform", "left_edge_deg": 0.0}, None
+        return dict(UNIFORM), None
     left_edge_deg = request.map_left_edge_deg if request.basemap else 0.0
     return {"name": path.name, "sha256": digest_of(path, "base map"), "left_edge_deg": left_edge_deg}, str(path)

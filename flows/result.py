@@ -9,6 +9,7 @@ from catalog.errors import PlanetposeError
 from catalog.plain_text import printable, shown_path
 from catalog.settings import ways_out_of
 from flows.chain import Chain
+from flows.diagnosis import OVERLAY, TRIED, leave
 from flows.guidance import guidance_of, overruled_of
 from flows.profile import Profile
 from flows.settling import settling
@@ -55,10 +56,13 @@ EMPTY: dict[str, Any] = {
     "orientation": None,
     "limb_rms_px": None,
     "limb_points": None,
+    "limb_robust_px": None,
+    "limb_disagreeing": None,
     "similarity": {"before": None, "after": None},
     "pose": None,
     "cube": None,
     "overlay": None,
+    "tried": None,
     "seconds": {},
     "cached": [],
 }
@@ -78,6 +82,8 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
     if "publish" in chain.records:
         result |= corrected(chain)
+    elif isinstance(error, PlanetposeError) and (folder := leave(chain)):
+        result |= {"overlay": f"{folder}/{OVERLAY}", "tried": f"{folder}/{TRIED}"}
     seconds = {name: record.seconds for name, record in chain.records.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}
 
@@ -132,6 +138,8 @@ def corrected(chain: Chain) -> dict[str, Any]:
         "orientation": orientation_of(report),
         "limb_rms_px": report["limb"]["rms_px"],
         "limb_points": report["limb"]["points"],
+        "limb_robust_px": report["limb"]["robust_px"],
+        "limb_disagreeing": report["limb"]["disagreeing"],
         "similarity": report["similarity"],
         "cube": f"{folder}/{published['cube']}",
         "overlay": f"{folder}/{published['overlay']}",

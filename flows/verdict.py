@@ -13,13 +13,16 @@ from flows.profile import AcceptSettings
 
 BEHIND = "target-behind-camera"
 SUN_SIGMAS = 4.0
+BEHIND_REMEDY = (
+    "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km."
+)
 PUBLISHED = ("ok", "doubtful")
 
 
 def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
     """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
     limb = report["limb"]
-    rms_px, points, likeness = limb["rms_px"], limb["points"], limb["likeness"]
+    points, likeness = limb["points"], limb["likeness"]
     if likeness < accept.min_likeness:
         raise FailedError(
             "image-unlike-simulation",
@@ -27,7 +30,7 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if rms_px is None and accept.require_limb:
+    if limb["robust_px"] is None and accept.require_limb:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb["tried"] == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
@@ -36,10 +39,10 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             f"{measured}, so nothing bears the corrected pose out.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
-    if rms_px is not None and accept.max_limb_rms_px is not None and rms_px > accept.max_limb_rms_px:
+    if is_off(accept, limb, accept.max_limb_rms_px):
         raise FailedError(
             "limb-does-not-fit",
-            f"the corrected limb is {rms_px:.2f} px (RMS) from the image's, allowed {accept.max_limb_rms_px:g} px.",
+            f"the corrected limb is {off_in_words(limb)} from the image's, allowed {accept.max_limb_rms_px:g} px.",
             "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
         )
 
@@ -52,11 +55,15 @@ def doubts(chain: Chain) -> list[str]:
     last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
     superseded = {"attitude"} if is_about_orientation(last) else set()
     found = [result.get("evidence", {}).get("doubt") for kind, result in last.items() if kind not in superseded]
+    accept = chain.request.profile.accept
     if "validate" in last:
-        accept, report = chain.request.profile.accept, last["validate"]
+        report = last["validate"]
         found += [doubtful_likeness(accept, report), doubtful_limb(accept, report)]
         found += [doubtful_sun(accept, report), report.get("doubt")]
-    return [doubt for doubt in found if doubt]
+    found = [doubt for doubt in found if doubt]
+    if found and "validate" in last and (blurred := doubtful_blur(accept, last["validate"])):
+        found.insert(0, blurred)
+    return found
 
 
 def is_about_orientation(last: Mapping[str, Any]) -> bool:
@@ -78,12 +85,12 @@ def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | N
 
 def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     """The doubt that a limb raises which lies elsewhere in the image than the corrected pose has it."""
-    rms_px, sure_px = report["limb"]["rms_px"], accept.sure_limb_rms_px
-    if rms_px is None or sure_px is None or rms_px <= sure_px:
+    if not is_off(accept, report["limb"], accept.sure_limb_rms_px):
         return None
     return (
-        f"limb-disagrees: markings and brightness put the limb {rms_px:.2f} px (RMS) from where the image shows it "
-        f"(sure to {sure_px:g} px). Check the base map and the picture; --profile standard trusts the limb alone."
+        f"limb-disagrees: markings and brightness put the limb {off_in_words(report['limb'])} from where the image "
+        f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
+        "trusts the limb alone."
     )
 
 
@@ -107,19 +114,57 @@ def doubtful_sun(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     )
 
 
+def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """What a blur explains of other doubts: alone it is none, for a camera file may have a sharper one."""
+    blur = report["limb"].get("blur")
+    if blur is None or blur <= accept.sure_blur:
+        return None
+    return (
+        f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
+        "motion, focus or an atmosphere, or the camera's psf_sigma_px is too small. Check picture and camera file."
+    )
+
+
+def is_off(accept: AcceptSettings, limb: dict[str, Any], limit_px: float | None) -> bool:
+    """Whether the limb as a whole lies farther off than `limit_px`, or more than accept.limb_share of it so far off
+    that all of it together does."""
+    if limit_px is None or limb["robust_px"] is None:
+        return False
+    on_an_arc = limb["disagreeing"] > accept.limb_share and limb["normal_rms_px"] > limit_px
+    return bool(limb["robust_px"] > limit_px or on_an_arc)
+
+
+def off_in_words(limb: dict[str, Any]) -> str:
+    """How far off a limb is."""
+    return f"{limb['robust_px']:.2f} px (robust RMS; {limb['disagreeing']:.0%} of its segments disagree)"
+
+
 def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeError:
     """The failure of a correction; when the predicted pose (plain) has the target behind the camera, with that as the
     reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
+    if error.code in (BEHIND, "interrupted") or not is_behind(predicted):
+        return error
+    return type(error)(BEHIND, f"{behind(predicted)}; with the camera turned to it, {error.fault}", BEHIND_REMEDY)
+
+
+def refuse_doubtful_behind(predicted: dict[str, Any], doubts: list[str]) -> None:
+    """Raise FailedError where something speaks against a corrected pose whose predicted one (plain) looks away from the
+    target: nothing then tells which way up the camera was."""
+    if doubts and is_behind(predicted):
+        told = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
+        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {told}.", BEHIND_REMEDY)
+
+
+def is_behind(predicted: dict[str, Any]) -> bool:
+    """Whether a predicted pose (plain) has the target behind the camera."""
+    return bool(Pose.from_dict(predicted).target_in_camera_km[2] <= 0)
+
+
+def behind(predicted: dict[str, Any]) -> str:
+    """How far behind the camera a predicted pose (plain) has the target, in words."""
     pose = Pose.from_dict(predicted)
     off_deg = float(np.degrees(np.arccos(np.clip(pose.target_in_camera_km[2] / pose.range_km, -1, 1))))
-    if off_deg < 90 or error.code in (BEHIND, "interrupted"):
-        return error
-    return type(error)(
-        BEHIND,
-        f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight; with the camera "
-        f"turned to it, {error.fault}",
-        "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km.",
-    )
+    return f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight"
 
 
 def reminded(error: PlanetposeError, overruled: list[str]) -> PlanetposeError:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from pathlib import Path
 
+from catalog.basemap import NO_MAP
 from catalog.errors import RefusedError
 from catalog.fetch.item import Item
 from catalog.lists.kernel_sets import expanded, known_sha256
@@ -46,7 +47,7 @@ def _needed(entry: ImageEntry, kinds: tuple[str, ...]) -> Iterator[tuple[str, st
         yield entry.label, entry.label_sha256, None
     if "kernels" in kinds:
         yield from ((text, None, None) for text in expanded(entry.kernels))
-    if "maps" in kinds and entry.basemap:
+    if "maps" in kinds and entry.basemap not in (None, NO_MAP):
         yield entry.basemap, None, None
 
 

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalog.basemap import NO_MAP
 from catalog.camera import find_camera
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
@@ -108,7 +109,7 @@ def faults_of_entry(
     named |= {"base map": entry.basemap} | {f"kernel {text}": text for text in expanded(entry.kernels)}
     expected = {"image": entry.sha256, "label": entry.label_sha256}
     for what, text in named.items():
-        if text is None:
+        if text is None or (what == "base map" and text == NO_MAP):
             continue
         path = image_list.located(text, archive)
         if not path.exists():

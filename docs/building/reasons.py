@@ -12,7 +12,7 @@ from building.markdown import table as table_of
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = ("catalog", "tasks", "flows")
 TEXTS = Path(__file__).parent / "reasons.toml"
-STATUS = {"RefusedError": "refused", "FailedError": "failed", "NoMaximumError": "failed"}
+STATUS = {"RefusedError": "refused", "FailedError": "failed", "NoMaximumError": "failed", "Diagnosis": "failed"}
 # Codes that are put together when they are raised, by the expression that does it.
 PUT_TOGETHER = {
     "f'{code}-missing'": (
@@ -25,11 +25,14 @@ PUT_TOGETHER = {
     "f'{code}-unreadable'": ("image-unreadable", "pose-file-unreadable", "base-map-unreadable", "mask-unreadable"),
     "f'{code}-too-large'": ("image-too-large", "pose-file-too-large", "base-map-too-large", "mask-too-large"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
+    "found['code']": (),  # a Diagnosis
+    "cause.code": (),
     "error.code": (),  # the same error once more, with other words: explained where it was raised first
 }
 # A reason that is told without an error: a doubt, or what is no expected failure.
 SAID = re.compile(r"([a-z]+(?:-[a-z]+)+|bug): ")
-WORTH_A_LOOK = re.compile(rf"Error\(|type\(error\)|[\"']{SAID.pattern}")  # parsing all modules takes seconds
+# Parsing all modules takes seconds.
+WORTH_A_LOOK = re.compile(rf"Error\(|Diagnosis\(|type\(error\)|[\"']{SAID.pattern}")
 NO_DOUBT = ("bug", "file-trouble", "outcome-lost")
 
 

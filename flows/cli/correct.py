@@ -37,7 +37,7 @@ def correct(
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
     target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
-    map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body.")] = None,
+    map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body; or none.")] = None,
     map_left_edge_deg: Annotated[
         float, typer.Option(min=-360, max=360, help="East longitude of the map's left edge.")
     ] = 0.0,
@@ -210,8 +210,12 @@ def known_flip(text: str | None) -> "Flip | None":
 
 
 def warn(result: dict[str, Any]) -> None:
-    """One line on stderr for each thing that the label says otherwise than the user, or that is odd about the file."""
-    for sentence in (*result["guidance"]["overruled"], *result["warnings"]):
+    """One line on stderr for each thing that the label says otherwise than the user, or that is odd about the file, and
+    where a failed image's picture and what was tried are."""
+    sentences = [*result["guidance"]["overruled"], *result["warnings"]]
+    if result["tried"]:
+        sentences.append(f"see {result['overlay']} and {result['tried']}")
+    for sentence in sentences:
         print(f"planetpose: {result['product']}: {sentence}", file=sys.stderr, flush=True)
 
 

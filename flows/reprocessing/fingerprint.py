@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from catalog.basemap import NO_MAP
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_file, sha256_of_json
 from catalog.errors import PlanetposeError
@@ -49,7 +50,7 @@ def fingerprint_of(request: Request) -> Fingerprint:
         "camera": told(lambda: sha256_of_json(camera_inputs(request))),
         "target": told(lambda: target_inputs(request)),
         "pose file": content(request.pose_file, "pose file"),
-        "base map": [content(request.basemap, "base map"), request.map_left_edge_deg],
+        "base map": [content_of_map(request.basemap), request.map_left_edge_deg],
         "shape": content(request.shape, "shape"),
         "mask": content(request.mask, "mask"),
         "object store": request.publish_to,
@@ -60,6 +61,11 @@ def fingerprint_of(request: Request) -> Fingerprint:
         "code": {name: code_version(body) for name, body in bodies_of(request.profile).items()},
         "flow": flow_digest(),
     }
+
+
+def content_of_map(path: Path | None) -> str | None:
+    """The same of a base map, which may be none on purpose."""
+    return NO_MAP if str(path) == NO_MAP else content(path, "base map")
 
 
 def content(path: Path | None, what: str) -> str | None:

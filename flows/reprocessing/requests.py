@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
+from catalog.basemap import NO_MAP
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
@@ -54,7 +55,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
         camera=camera,
         target=target,
         pose_file=here(entry.pose_file),
-        basemap=here(entry.basemap),
+        basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
         flip=entry.flip,
         kernels=image_list.kernel_paths(entry, settings.archive) or settings.kernels,

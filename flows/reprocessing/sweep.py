@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from flows.diagnosis import FAILED
 from flows.image import STEP_KINDS
 from flows.reprocessing.claims import sweep_claims
 from flows.reprocessing.outcomes import IMAGES
@@ -21,7 +22,7 @@ IN_USE_S = 6 * 3600.0  # steps younger than this may belong to an image at work 
 def sweep(store: Path, cache: Path) -> None:
     """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
     books = store / BOOKS
-    for folder in (store, books, books / IMAGES, books / RUNS):
+    for folder in (store, store / FAILED, books, books / IMAGES, books / RUNS):
         if folder.is_dir():
             sweep_temporaries(folder)
     sweep_claims(store)

@@ -156,4 +156,10 @@ def _last_joint(product: str, provenance: Any) -> Any:
         raise RefusedError(
             NOT_JOINT, f"{product} was not corrected by the joint step.", "Correct it with a profile that has it."
         )
+    if found[-1]["evidence"]["predicted_to_free"] is None:
+        raise RefusedError(
+            "target-behind-camera",
+            f"the predicted pose of {product} looks away from the target, so that there is no offset to adjust.",
+            "Correct it with a pose file whose camera_from_j2000 has the target in front.",
+        )
     return found[-1]

@@ -3,17 +3,20 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from tasks.joint.parameters import ATTITUDE, ROLL, State, difference
 from tasks.plain import plain
-from tasks.point.rotation import pose_moved_by
+from tasks.point.rotation import pose_facing, pose_pointed_at
 from tasks.stored import camera_of
 from tasks.work import Work
 
 SAME_EXPOSURE_S = 1.0
+# A centre farther outside than so many frames is a slip: no part of a disk whose limb can be measured would be inside.
+FRAMES_AWAY = 20
 
 
 def run(work: Work) -> dict[str, Any]:
@@ -29,7 +32,7 @@ def run(work: Work) -> dict[str, Any]:
                 "the predicted target is behind the camera, so that its centre has no place to be moved from.",
                 "Check camera_from_j2000, or leave --start-offset out: the whole frame is searched then.",
             )
-        start = pose_moved_by(start, camera, offset_px)
+        start = pose_pointed_at(start, camera, started_at(start, camera, offset_px))
     changed = {} if earlier is None else turned(predicted, start, camera)
     return {
         "pose": start.to_dict(),
@@ -39,11 +42,23 @@ def run(work: Work) -> dict[str, Any]:
     }
 
 
+def started_at(pose: Pose, camera: Camera, offset_px: ArrayLike) -> NDArray[np.float64]:
+    """Pixel (2,) that the user's offset moves the centre to. Raises RefusedError when it is nowhere near the frame."""
+    before = camera.project(pose.target_in_camera_km)
+    wanted = before + np.asarray(offset_px, np.float64)
+    if not np.abs(wanted - camera.centre_px).max() <= FRAMES_AWAY * max(camera.size_px):
+        raise RefusedError(
+            "start-outside-frame",
+            f"--start-offset moves the target's predicted centre ({before[0]:.6g}, {before[1]:.6g}) to "
+            f"({wanted[0]:.6g}, {wanted[1]:.6g}), far outside the frame of {camera.size_px[0]}x{camera.size_px[1]} px.",
+            "Give the pixels from the predicted centre to the true one, or leave it out: the whole frame is searched.",
+        )
+    return np.asarray(wanted)
+
+
 def turned(predicted: Pose, start: Pose, camera: Camera) -> dict[str, Any]:
     """Roll of the camera and turn of the body that are resumed, in the words of corrections."""
-    if not np.isfinite(camera.project(predicted.target_in_camera_km)).all():
-        return {}
-    step = difference(State(start, 1.0), State(predicted, 1.0), camera)
+    step = difference(State(start, 1.0), State(pose_facing(predicted, start, camera), 1.0), camera)
     return {"roll_deg": float(step[ROLL]), "attitude_deg": plain(step[ATTITUDE])}
 
 

@@ -30,6 +30,7 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import untold_directions
+from tasks.point.rotation import is_offset_from, pose_facing
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
@@ -55,12 +56,14 @@ def find_pose_jointly(
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
     image's: the attitude is then told as no better known than by its prior. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
-    `predicted`); None for what was held. A target without a map keeps its attitude. Raises FailedError when too few
-    pixels are usable.
+    `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
+    elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
+    Raises FailedError when too few pixels are usable.
     """
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
     priors = settings.priors.of(sources, has_map=not is_uniform(scene))
-    metadata, start = (State(p, scene.psf_sigma_px) for p in (predicted, pose))
+    metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
+    start = State(pose, scene.psf_sigma_px)
     is_held = "attitude" in settings.hold
     if is_uniform(scene):
         settings = without_markings(settings)
@@ -81,6 +84,8 @@ def find_pose_jointly(
     correction = as_correction(estimate, start, metadata, sigmas, away, scene, led, orientation)
     correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
     correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
+    if not is_offset_from(predicted, pose, scene.camera):
+        correction.evidence["predicted_to_free"] = None
     return correction
 
 

@@ -1,9 +1,8 @@
 """Find the target anywhere in the frame: masked normalised cross-correlation at reduced resolution."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
@@ -13,6 +12,8 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 TEMPLATE_DIAMETER_PX = 64
+SPECK_PX = 5
+ALLOWANCE = 1.25
 
 
 @dataclass(frozen=True)
@@ -25,24 +26,35 @@ class CoarseFind:
     step_px: int
 
 
-def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap: float) -> CoarseFind:
+def find_target(
+    observation: Observation,
+    pose: Pose,
+    scene: Scene,
+    min_overlap: float,
+    step_px: int | None = None,
+    clip_at: float | None = None,
+) -> CoarseFind:
     """Place of the target in the frame, to about a cell of the search grid, wherever the metadata put it.
 
     The simulated disk with a rim of sky is correlated with every position of the frame at which at least `min_overlap`
     of it lies on usable pixels (Padfield 2012, IEEE Trans. Image Process. 21, 2706), so that a disk cut by the frame
-    is found as well.
+    is found as well. step_px: cell of the search grid, by default one of TEMPLATE_DIAMETER_PX across the disk.
+    clip_at: share of the highest brightness at which image and simulation are clipped, so that what is sunlit counts,
+    not how bright clouds and markings make it; None does not.
     """
     from skimage.registration._masked_phase_cross_correlation import cross_correlate_masked
 
-    n = reduction_for(pose, scene, TEMPLATE_DIAMETER_PX)
+    n = step_px or reduction_for(pose, scene, TEMPLATE_DIAMETER_PX)
+    observation = without_specks(observation, lit_width_px(pose, scene), clip_at or ALLOWANCE)
     observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
     frame_centre = (np.array(scene.camera.size_px) - 1) / 2
     centred = pose_pointed_at(pose, scene.camera, frame_centre)
     radius = disk_radius_px(centred, scene.camera, scene.target)
     window = scene.window(centred, margin_px=max(4.0, 0.25 * radius))
     template = scene.render(centred, window).image().astype(np.float64)
+    template = np.minimum(template, (clip_at or 1.0) * template.max())
     usable = observation.usable
-    image = clipped_outliers(observation.image, usable).astype(np.float64)
+    image = np.where(usable, observation.image, 0).astype(np.float64)
     correlation = cross_correlate_masked(
         image,
         template,
@@ -59,9 +71,25 @@ def find_target(observation: Observation, pose: Pose, scene: Scene, min_overlap:
     return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(correlation[row, column]), n)
 
 
-def clipped_outliers(image: NDArray[np.float32], usable: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Copy with unusable pixels 0 and the brightest 0.02 % (cosmic rays) pulled down."""
+def lit_width_px(pose: Pose, scene: Scene) -> float:
+    """Width of the sunlit part of the disk, pixels."""
+    return disk_radius_px(pose, scene.camera, scene.target) * (1 + float(np.cos(np.radians(pose.phase_deg))))
+
+
+def without_specks(observation: Observation, width_px: float, allowance: float = ALLOWANCE) -> Observation:
+    """The observation with what is brighter than everything of a target's size pulled down: hot pixels, cosmic rays,
+    bright columns, stars. width_px: of the target's sunlit part.
+
+    The limit is the highest value that all pixels of some square of up to SPECK_PX reach (a grey-scale opening), half
+    the sunlit width at most, times an allowance for noise.
+    """
+    import cv2
+
+    usable = observation.usable
     if not usable.any():
-        return np.zeros_like(image)
-    high = np.percentile(image[usable], 99.98)
-    return np.where(usable, np.minimum(image, high), 0).astype(np.float32)
+        return observation
+    side = int(np.clip(width_px / 2, 2, SPECK_PX))
+    low = np.float32(np.percentile(observation.image[usable], 1))
+    image = np.where(usable, observation.image, low)
+    span = max(float(cv2.erode(image, np.ones((side, side), np.uint8)).max()) - float(low), 0.0)
+    return replace(observation, image=np.minimum(image, float(low) + allowance * span).astype(np.float32))

@@ -7,7 +7,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.errors import FailedError, RefusedError
-from catalog.observation import Observation
+from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.likeness import likeness, with_rim
@@ -20,11 +20,14 @@ from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, Rest, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
+from tasks.undistort.saturation import areas, with_plate_flagged
 
 Progress = Callable[[str, int, str], None]
 RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 SMALLEST_PLATEAU_PX = 100
+# A disk of which more of the bright pixels are saturated is refused; with 63 % the rest still tells.
+SATURATED_SHARE = 0.75
 
 
 class PointSettings(BaseModel):
@@ -65,19 +68,21 @@ def refuse_without_limb(pose: Pose, scene: Scene) -> None:
 
 
 def refuse_saturated(observation: Observation) -> None:
-    """Raise RefusedError when most of what is bright has one and the same value: a disk clipped to a white plate, which
-    nobody flagged, would be fitted with a wrong size."""
-    values = observation.image[observation.usable]
-    if values.size == 0:
+    """Raise RefusedError when nearly all that is bright is saturated, flagged or not: a disk clipped to a white plate
+    would be fitted with a wrong size. Hot pixels, bright columns and stars are no part of a disk, see
+    `saturation.areas`."""
+    flagged = with_plate_flagged(observation)
+    plate = areas((flagged.quality & np.uint16(Quality.SATURATED)) != 0)
+    saturated, usable = int(np.count_nonzero(plate)), flagged.usable
+    if saturated <= SMALLEST_PLATEAU_PX or not usable.any():
         return
-    low, high = np.percentile(values, 1), values.max()
-    bright = np.count_nonzero(values > (low + high) / 2)
-    plateau = np.count_nonzero(values > high - 1e-4 * (high - low))
-    if plateau > max(SMALLEST_PLATEAU_PX, bright / 2):
+    value, low = float(np.median(observation.image[plate])), float(np.percentile(observation.image[usable], 1))
+    bright = int(np.count_nonzero(areas(plate | (usable & (observation.image > (low + value) / 2)))))
+    if saturated > SATURATED_SHARE * bright:
         raise RefusedError(
             "saturated",
-            f"the disk is saturated: {plateau} of its {bright} bright pixels have the value {high:g}.",
-            "Choose a shorter exposure; where only a part is saturated, give the camera's saturation_dn.",
+            f"the disk is saturated: {saturated} of its {bright} bright pixels are clipped at the value {value:g}.",
+            "Choose a shorter exposure.",
         )
 
 

@@ -8,6 +8,8 @@ from catalog.pose import Pose
 
 MAX_NEWTON_STEPS = 20
 TOLERANCE_PX = 1e-9
+# Beyond this a turn is no longer the same as an offset in the picture, whichever axis it is begun with.
+LARGEST_OFFSET_DEG = 10.0
 
 
 def euler_rotation(alpha_rad: float, beta_rad: float) -> NDArray[np.float64]:
@@ -51,6 +53,22 @@ def pose_pointed_at(pose: Pose, camera: Camera, xy_px: ArrayLike) -> Pose:
     here = pose.target_in_camera_km / pose.range_km
     there = camera.ray(np.asarray(xy_px, dtype=np.float64))
     return pose.replaced(camera_from_j2000=smallest_turn(here, there) @ pose.camera_from_j2000)
+
+
+def is_offset_from(pose: Pose, other: Pose, camera: Camera) -> bool:
+    """Whether an offset in the picture tells how the camera of `pose` must be turned to see the target where `other`
+    does: the target is in front of it, and near that place."""
+    here, there = (p.target_in_camera_km / p.range_km for p in (pose, other))
+    near = float(here @ there) >= np.cos(np.radians(LARGEST_OFFSET_DEG))
+    return near and bool(np.isfinite(camera.project([here, there])).all())
+
+
+def pose_facing(pose: Pose, other: Pose, camera: Camera) -> Pose:
+    """`pose` itself where it is an offset from `other` (see `is_offset_from`); else, also when its target is behind the
+    camera, turned by the smallest rotation that puts the target's centre where `other` has it."""
+    if is_offset_from(pose, other, camera):
+        return pose
+    return pose_pointed_at(pose, camera, camera.project(other.target_in_camera_km))
 
 
 def smallest_turn(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -40,11 +40,12 @@ def draw_overlay(
     target: Target,
     path: Path,
     title: str = "",
+    found: str = "corrected limb",
 ) -> Path:
     """Write the overlay of an undistorted image (ny, nx) as PNG and return its path.
 
     The picture is cut to the target; when the predicted limb lies far from the corrected one, a second panel shows the
-    whole frame with both.
+    whole frame with both. found: what the limb of `pose_after` is called.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -59,10 +60,10 @@ def draw_overlay(
         panels = figure.subplots(1, 2 if far_apart else 1, width_ratios=(3, 2) if far_apart else (1,), squeeze=False)[0]
         shown = stretched(image)
         _draw_body(panels[0], shown, box, pose_after, camera, target)
-        _draw_limbs(panels[0], before, after)
+        _draw_limbs(panels[0], before, after, found)
         if far_apart:
             _show(panels[1], shown, union(frame, box_of(before.xy_px), box_of(after.xy_px)))
-            _draw_limbs(panels[1], before, after)
+            _draw_limbs(panels[1], before, after, found)
             panels[1].set_title("whole frame", fontsize=9)
         figure.suptitle(title, fontsize=10)
         handles, labels = panels[0].get_legend_handles_labels()
@@ -149,7 +150,7 @@ def _emission_cosine(pose: Pose, target: Target, point_km: NDArray[np.float64]) 
     return float(normal @ sight / np.linalg.norm(normal) / np.linalg.norm(sight))
 
 
-def _draw_limbs(axes: "Axes", before: Curve, after: Curve) -> None:
-    for curve, style, label in ((after, CORRECTED, "corrected limb"), (before, PREDICTED, "predicted limb")):
+def _draw_limbs(axes: "Axes", before: Curve, after: Curve, found: str) -> None:
+    for curve, style, label in ((after, CORRECTED, found), (before, PREDICTED, "predicted limb")):
         x, y = np.vstack([curve.xy_px, curve.xy_px[:1]]).T
         axes.plot(x, y, label=label, **style)

@@ -89,6 +89,8 @@ def limb_of(validate: Record) -> dict[str, Any]:
             "sigmas": orientation["sigmas"],
             "kept": orientation["kept"],
         },
+        "limb_robust_px": limb["robust_px"],
+        "limb_disagreeing": limb["disagreeing"],
         "similarity": validate.result["similarity"],
     }
 

@@ -16,6 +16,7 @@ from tasks.plain import plain
 from tasks.stored import camera_of, frame_of, save_arrays, save_observation
 from tasks.undistort import UndistortSettings, undistort
 from tasks.undistort.frame_map import bending_error_planes, uncertainty_plane, undistorted_places
+from tasks.undistort.saturation import with_plate_flagged
 from tasks.work import Work
 
 DISTORTION = "distortion"
@@ -24,7 +25,7 @@ DISTORTION = "distortion"
 def run(work: Work) -> dict[str, Any]:
     """See `undistort`; the observation goes into the step's folder."""
     frame, camera = frame_of(work), camera_of(work)
-    observation = masked_by_user(work, frame.observation)
+    observation = with_plate_flagged(masked_by_user(work, frame.observation))
     settings = UndistortSettings.model_validate(work.inputs["settings"])
     resampling = settings.model_copy(update={"space": "resampled"})
     undistorted = undistort(observation, camera, resampling, frame.undistorted)

@@ -5,33 +5,48 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.likeness import likeness, with_rim
-from tasks.compare.limb_edges import LimbSettings, measure_limb
-from tasks.compare.match import framed_window, match_scene
+from tasks.compare.limb_edges import LimbEdges, LimbSettings, measure_limb
+from tasks.compare.match import Match, framed_window, match_scene
+from tasks.compare.segments import Segments, profiles
 from tasks.compare.similarity import ssim
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
-ValidateSettings = LimbSettings
+# Shifts beyond so many robust sigmas (1.4826 times the median of their sizes) count as if they were just there.
+CLIPPED_SIGMAS = 2.5
+# Below this a robust sigma is the sampling's, not the limb's.
+LEAST_SIGMA_PX = 0.02
+
+
+class ValidateSettings(LimbSettings):
+    """disagree_px: a segment whose limb lies farther, across the limb, from where the simulation has it disagrees."""
+
+    disagree_px: float = Field(1.0, gt=0)
 
 
 @dataclass(frozen=True)
 class LimbReport:
     """rms_px, mean_px (x, y): of the shifts along rows and columns, image minus simulation; None when fewer than the
     settings' min_points segments could be measured. points: segments measured; tried: lit segments on usable pixels.
-    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. similarity: SSIM, and correlation,
-    of image and simulation; likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px,
-    horizontal: for the pictures."""
+    normal_rms_px, normal_median_px: of the shifts' part across the limb, outward. robust_px: of that part, the RMS
+    about zero with what single segments are off clipped, see `robust_rms`; blur: see `blur_of`; disagreeing: share of
+    the segments off by more than the settings' disagree_px. similarity: SSIM, and correlation, of image and simulation;
+    likeness: the correlation with a wide rim of sky, see `likeness`. xy_px, shift_px, horizontal: for the pictures."""
 
     rms_px: float | None
     mean_px: tuple[float, float] | None
     normal_rms_px: float | None
     normal_median_px: float | None
+    robust_px: float | None
+    disagreeing: float | None
+    blur: float | None
     points: int
     tried: int
     similarity: float
@@ -48,6 +63,9 @@ class LimbReport:
             "mean_px",
             "normal_rms_px",
             "normal_median_px",
+            "robust_px",
+            "disagreeing",
+            "blur",
             "points",
             "tried",
             "similarity",
@@ -72,6 +90,9 @@ def validate_limb(
         mean_px=(_mean(shift[horizontal]), _mean(shift[~horizontal])) if enough else None,
         normal_rms_px=_rms(edges.across_px) if enough else None,
         normal_median_px=float(np.median(edges.across_px)) if enough else None,
+        robust_px=robust_rms(edges.across_px) if enough else None,
+        disagreeing=float(np.mean(np.abs(edges.across_px) > settings.disagree_px)) if enough else None,
+        blur=blur_of(match, edges, settings) if enough else None,
         points=len(shift),
         tried=edges.tried,
         similarity=ssim(match.image, edges.model, match.usable),
@@ -86,6 +107,34 @@ def validate_limb(
 def margin_px(settings: ValidateSettings) -> float:
     """Sky around the disk that segments and similarity are measured on."""
     return settings.half_px + 8.0
+
+
+def blur_of(match: Match, edges: LimbEdges, settings: ValidateSettings) -> float:
+    """How many times as wide as in the simulation the limb's edge is in the image, median over the segments. The width
+    of an edge: the brightness along the segment, from its least to its most, by the steepest fall."""
+    image, model = (
+        np.median(edge_width(profiles(picture, edges.segments, match.origin, settings.half_px), edges.segments))
+        for picture in (match.image.astype(np.float64), edges.model)
+    )
+    return float(image / max(model, 1e-9))
+
+
+def edge_width(values: Array, segments: Segments) -> Array:
+    """Widths (n,), px, of edges along segments (n, 2*half+1)."""
+    outward = np.sign(np.where(segments.horizontal, segments.normal[:, 0], segments.normal[:, 1]))
+    fall = -outward[:, None] * (values[:, 2:] - values[:, :-2]) / 2
+    return np.asarray(np.ptp(values, axis=1) / np.maximum(fall.max(axis=1), 1e-9))
+
+
+def robust_rms(shift_px: Array) -> float:
+    """Root mean square about zero of shifts (n,), each clipped at CLIPPED_SIGMAS robust sigmas.
+
+    Some segments that lock onto an edge of albedo inside the limb hardly count; a limb that lies elsewhere, or is
+    larger, as a whole does, by as much as it is off (winsorised second moment: Huber, Robust Statistics, 1981).
+    """
+    size = np.abs(shift_px)
+    sigma = max(1.4826 * float(np.median(size)), LEAST_SIGMA_PX)
+    return _rms(np.minimum(size, CLIPPED_SIGMAS * sigma))
 
 
 def _rms(values: Array) -> float:

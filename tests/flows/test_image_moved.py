@@ -19,7 +19,15 @@ PROFILE = {"passes": 2, "steps": ["joint", "point"], "later": {"steps": ["joint"
 def corrected(folder: Path, moved: bool) -> tuple[Chain, dict[str, Any]]:
     """The chain after two joint steps that say whether they displaced the image, and where the last image is."""
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
-    limb = {"rms_px": 0.1, "points": 99, "tried": 99, "likeness": 0.9}
+    limb = {
+        "rms_px": 0.1,
+        "robust_px": 0.1,
+        "disagreeing": 0.0,
+        "normal_rms_px": 0.1,
+        "points": 99,
+        "tried": 99,
+        "likeness": 0.9,
+    }
     results: dict[str, dict[str, Any]] = {
         "pose": {"pose": {}, "sources": {}},
         "joint": {"changed": changed, "uncertainty": {}} | ({IMAGE_MOVED: True} if moved else {}),

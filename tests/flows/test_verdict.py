@@ -12,11 +12,19 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.profile import AcceptSettings
 from flows.result import file_trouble
-from flows.verdict import believe, doubtful_limb, explained, is_about_orientation, reminded
+from flows.verdict import (
+    believe,
+    doubtful_limb,
+    explained,
+    is_about_orientation,
+    refuse_doubtful_behind,
+    reminded,
+)
 from tasks.atomic import file_put_in_place, folder_put_in_place
+from tasks.validate.limb import robust_rms
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
-LIMB = {"rms_px": None, "points": 3, "tried": 40, "likeness": 0.95}
+LIMB = {"robust_px": None, "points": 3, "tried": 40, "likeness": 0.95}
 
 
 def turned(degrees: float) -> Pose:
@@ -65,10 +73,48 @@ def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() 
 
 def test_a_limb_elsewhere_than_the_corrected_pose_has_it_is_doubted_where_the_profile_says_from_when() -> None:
     accept = AcceptSettings(sure_limb_rms_px=0.5)
-    assert doubtful_limb(accept, {"limb": {"rms_px": 0.4}}) is None
-    assert doubtful_limb(accept, {"limb": {"rms_px": None}}) is None
-    assert str(doubtful_limb(accept, {"limb": {"rms_px": 0.7}})).startswith("limb-disagrees: ")
-    assert doubtful_limb(AcceptSettings(), {"limb": {"rms_px": 0.7}}) is None
+    assert doubtful_limb(accept, limb_of(np.full(100, 0.4))) is None
+    assert doubtful_limb(accept, {"limb": {"robust_px": None}}) is None
+    assert str(doubtful_limb(accept, limb_of(np.full(100, 0.7)))).startswith("limb-disagrees: ")
+    assert doubtful_limb(AcceptSettings(), limb_of(np.full(100, 0.7))) is None
+
+
+def limb_of(shift_px: np.ndarray) -> dict[str, Any]:
+    """What `validate` says of shifts across the limb."""
+    rms_px, disagreeing = float(np.sqrt(np.mean(shift_px**2))), float(np.mean(np.abs(shift_px) > 1))
+    return {"limb": {"normal_rms_px": rms_px, "robust_px": robust_rms(shift_px), "disagreeing": disagreeing}}
+
+
+@pytest.mark.parametrize(
+    ("share", "off_px", "doubted"),
+    [
+        (0.05, -5.5, False),
+        (0.1, -6.0, False),
+        (0.15, -4.0, False),
+        (0.3, -3.0, True),
+        (0.25, 1.5, True),
+        (0.6, 0.9, True),
+    ],
+)
+def test_segments_on_an_edge_of_albedo_raise_no_doubt_and_an_arc_that_is_off_does(
+    share: float, off_px: float, doubted: bool
+) -> None:
+    shift_px = np.random.default_rng(0).normal(0.0, 0.15, 243)
+    shift_px[: round(share * 243)] += off_px
+    found = doubtful_limb(AcceptSettings(sure_limb_rms_px=0.5), limb_of(shift_px))
+    print(limb_of(shift_px), found)
+    assert (found is not None) == doubted
+
+
+@pytest.mark.parametrize("predicted_deg", [95.0, 180.0])
+def test_a_doubtful_pose_whose_predicted_one_looks_away_fails_with_that_as_its_reason(predicted_deg: float) -> None:
+    refuse_doubtful_behind(turned(predicted_deg).to_dict(), [])
+    refuse_doubtful_behind(turned(3.0).to_dict(), ["limb-disagrees: it does. Check."])
+    with pytest.raises(
+        FailedError, match=f"{predicted_deg:.0f} deg from its boresight.*limb-disagrees: it does"
+    ) as failure:
+        refuse_doubtful_behind(turned(predicted_deg).to_dict(), ["limb-disagrees: it does. Check."])
+    assert failure.value.code == "target-behind-camera"
 
 
 def test_a_store_that_cannot_be_written_is_told_by_its_own_name(

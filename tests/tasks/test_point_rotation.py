@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
-from tasks.point.rotation import angles_from_offset, euler_rotation, pose_moved_by, pose_pointed_at
+from tasks.joint.parameters import State, difference
+from tasks.point.rotation import angles_from_offset, euler_rotation, pose_facing, pose_moved_by, pose_pointed_at
 
 CAMERA = Camera(name="test", size_px=(1000, 800), centre_px=(480.0, 410.0), focal_length_px=17000)
 OFFSETS = st.tuples(st.floats(-800, 800), st.floats(-800, 800))
@@ -104,3 +105,21 @@ def test_pointing_at_a_pixel_works_from_exactly_and_nearly_the_opposite_directio
     target = -CAMERA.ray(place) + miss_rad * np.array([0.6, -0.8, 0])
     behind = Pose(0.0, np.eye(3), target / np.linalg.norm(target) * 8e5, np.array([1e8, 0, 0]), np.eye(3))
     assert centre_px(pose_pointed_at(behind, CAMERA, place), CAMERA) == pytest.approx(place, abs=1e-6)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    st.one_of(st.floats(0, 180), st.sampled_from([89.999999999, 90.0, 90.000000001, 180.0])),
+)
+def test_whichever_way_the_predicted_camera_looks_the_step_from_it_is_finite(
+    axis: tuple[float, ...], off_deg: float
+) -> None:
+    found = pose_with_target_at(CAMERA, (400.0, 500.0))
+    turn = rotation_from_vector_deg(off_deg * np.array(axis) / np.linalg.norm(axis))
+    predicted = found.replaced(camera_from_j2000=turn @ found.camera_from_j2000)
+    facing = pose_facing(predicted, found, CAMERA)
+    step = difference(State(found, 1.0), State(facing, 1.0), CAMERA)
+    assert np.isfinite(step).all()
+    if facing is not predicted:
+        np.testing.assert_allclose(step[:2], 0, atol=1e-5)
