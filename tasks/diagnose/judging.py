@@ -130,7 +130,7 @@ def told_of_mirrored(best: Explanation) -> Diagnosis:
     return Diagnosis(
         "image-mirrored",
         "the picture is mirrored: with left and right exchanged, outline, shading and markings are the predicted ones.",
-        "Mirror the picture, or give a camera file whose camera_from_instrument says how it is read out.",
+        "Give --flip x, or a camera file whose camera_from_instrument says how it is read out.",
         best,
     )
 
