@@ -89,8 +89,9 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
 
 
 def profile_origin(profile: Profile) -> dict[str, Any] | None:
-    """What a user's profile builds on and changes, as plain JSON; None for those that come with the program."""
-    return profile.origin.model_dump(mode="json") if profile.origin else None
+    """What a user's profile builds on and changes, as plain JSON; None for those that come with the program, and for
+    one that changes nothing."""
+    return profile.origin.model_dump(mode="json") if profile.origin and profile.origin.changes else None
 
 
 def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:

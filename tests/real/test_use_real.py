@@ -216,8 +216,12 @@ def test_what_cannot_be_processed_is_refused_with_fault_and_remedy(
     assert fault in result["reason"]
     assert remedy in result["reason"]
     assert list(result) == KEYS
-    assert {result[key] for key in ("cube", "overlay", "limb_rms_px")} == {None}
-    assert not Path("refused").exists()
+    assert {result[key] for key in ("cube", "limb_rms_px")} == {None}
+    store = Path("refused")
+    assert not store.exists() or [path.name for path in store.iterdir()] == [".failed"]
+    # What could be read leaves a picture of why it was refused, outside of the products.
+    left = [Path(result[key]) for key in ("overlay", "tried") if result[key]]
+    assert all(path.is_file() and path.parent.parent == store.resolve() / ".failed" for path in left)
 
 
 def test_a_bad_image_does_not_stop_the_others(rejects: Bench, europa: dict[str, Any]) -> None:
