@@ -8,6 +8,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ KIND_OF_SUFFIX = {
 BINARY_SUFFIXES = (".bsp", ".bc", ".bpc")
 KIND_ORDER = ("lsk", "pck", "fk", "ik", "sclk", "spk", "ck", "other", "meta")
 MAX_META_DEPTH = 10
+MAX_KERNELS = 5300  # that SPICE keeps loaded (MAXFIL of its KEEPER)
 
 _POOL_LOCK = threading.RLock()
 
@@ -83,32 +85,38 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
         else:
             files.append(path)
     kernels = sorted(map(_of_file, files), key=lambda k: KIND_ORDER.index(k.kind))
-    return [each for kernel in kernels for each in _with_members(kernel, ())]
+    found = list(islice((each for kernel in kernels for each in _with_members(kernel, ())), MAX_KERNELS + 1))
+    if len(found) > MAX_KERNELS:
+        fault = f"kernels from {kernels[0].path} to {kernels[-1].path}: with what meta-kernels name there are more than"
+        remedy = "Name each kernel once, and only those of the images' times."
+        raise RefusedError("kernel-too-many", f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
+    return found
 
 
-def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> list[Kernel]:
+def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     """A kernel, and what it names if it is a meta-kernel, in its own order; meta-kernels may name others."""
+    yield kernel
     if kernel.kind != "meta":
-        return [kernel]
+        return
     path = kernel.path.resolve()
     if path in above or len(above) >= MAX_META_DEPTH:
         fault = f"meta-kernel {kernel.path} names itself, over {', '.join(other.name for other in above)}."
         raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
-    found = [kernel]
-    for member in members_of(kernel.path, read_text_kernel(kernel.path)):
-        found += _with_members(_of_file(member), (*above, path))
-    return found
+    members = members_of(kernel.path, read_text_kernel(kernel.path))
+    kernels = {member: _of_file(member) for member in dict.fromkeys(members)}
+    for member in members:
+        yield from _with_members(kernels[member], (*above, path))
 
 
 def _of_file(path: Path) -> Kernel:
     try:
         check_regular(path)
+        return Kernel(path, kernel_kind(path))
     except FileNotFoundError as error:
         remedy = "Give a kernel file or a folder."
         raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
     except OSError as error:
         raise _unreadable(path, error) from error
-    return Kernel(path, kernel_kind(path))
 
 
 def _unreadable(path: Path, error: OSError) -> RefusedError:
