@@ -15,7 +15,7 @@ from typing import Any
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
-from catalog.regular_file import check_regular
+from catalog.regular_file import check_regular, is_folder
 
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
@@ -80,7 +80,7 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     """
     files: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir():
+        if is_folder(path):
             files += sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
         else:
             files.append(path)

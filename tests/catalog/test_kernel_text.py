@@ -88,7 +88,11 @@ def test_what_spice_reads_whole_is_given_to_it_as_it_is(text: str, tmp_path: Pat
 def test_a_text_kernel_that_loads_nothing_is_refused_by_name(content: bytes, told: str, tmp_path: Path) -> None:
     for path in (tmp_path / "a.tpc", tmp_path / "a.kernel"):
         path.write_bytes(content)
-        for use in (pool, lambda path: refuse_what_holds_no_kernel([path]), lambda path: kernel_inputs(list_kernels([path]))):
+        for use in (
+            pool,
+            lambda path: refuse_what_holds_no_kernel([path]),
+            lambda path: kernel_inputs(list_kernels([path])),
+        ):
             with pytest.raises(RefusedError, match=rf"a\.(tpc|kernel).*{told}"):
                 use(path)
 
@@ -211,7 +215,12 @@ def test_a_member_that_is_no_file_is_told_as_what_it_is(tmp_path: Path) -> None:
     (tmp_path / "zero.tpc").symlink_to("/dev/zero")
     (tmp_path / "loop.tpc").symlink_to("loop.tpc")
     (tmp_path / "folder").mkdir()
-    for name, told in {"pipe.tpc": "a pipe", "zero.tpc": "a device", "loop.tpc": "links", "folder": "directory"}.items():
+    for name, told in {
+        "pipe.tpc": "a pipe",
+        "zero.tpc": "a device",
+        "loop.tpc": "links",
+        "folder": "directory",
+    }.items():
         with pytest.raises(RefusedError, match=f"{name} cannot be read.*{told}"):
             list_kernels([meta_of(tmp_path, f"'{name}'")])
     endless = " ".join(["'" + "b" * 100 + "+'"] * 50)
