@@ -21,12 +21,13 @@ MAX_TEXT_BYTES = 50_000_000
 BEGIN_DATA, BEGIN_TEXT = "\\begindata", "\\begintext"
 BINARY = (b"DAF/", b"DAS/", b"NAIF/")
 ID_WORD = re.compile(rb"(?:KPL|DAF|DAS)/(\w+)")
-STRING = r"'(?:[^'\n]|'')*'"
+# Possessive throughout: a damaged text must not be tried in every way that it could be cut.
+STRING = r"'(?:[^'\n]|'')*+'"
 STATEMENT = re.compile(
-    rf"(?P<name>[^\s=(),'+]+)[ \t]*(?P<operator>\+?=)\s*"
-    rf"(?P<value>\((?:[^()']|{STRING})*(?P<end>\)|\Z)|{STRING}|[^\s(),']+)"
+    rf"(?<![^\s=(),'+])(?P<name>[^\s=(),'+]++)[ \t]*+(?P<operator>\+?=)\s*+"
+    rf"(?P<value>\((?:[^()']|{STRING})*+(?P<end>\)|\Z)|{STRING}|[^\s(),']++)"
 )
-TOKEN = re.compile(rf"{STRING}|[^\s(),']+")
+TOKEN = re.compile(rf"{STRING}|[^\s(),']++")
 TO_LOAD, SYMBOLS, VALUES = "KERNELS_TO_LOAD", "PATH_SYMBOLS", "PATH_VALUES"
 REMEDY = "Fetch the kernel again, or mend it in a text editor."
 
@@ -173,21 +174,46 @@ def _why_empty(lines: list[str]) -> str:
 
 def members_of(path: Path, kernel: TextKernel) -> list[Path]:
     """The files that a meta-kernel names, in its order: relative ones are looked for in the working folder, as SPICE
-    does, and then beside the meta-kernel. Raises RefusedError for a file that is not there."""
+    does, and then beside the meta-kernel. Raises RefusedError for one that is not there."""
     symbols = dict(zip(kernel.strings(SYMBOLS), kernel.strings(VALUES), strict=False))
-    found = []
-    for text in kernel.strings(TO_LOAD):
-        whole = text
-        for symbol in sorted(symbols, key=len, reverse=True):
-            whole = whole.replace(f"${symbol}", symbols[symbol])
-        candidates = [Path(whole), path.parent / whole, path.resolve().parent / whole]
-        member = next((candidate for candidate in candidates if candidate.is_file()), None)
-        if member is None:
-            why = f"{whole} is not there" if "$" not in whole else f"{whole} has a symbol that {SYMBOLS} does not give"
-            raise RefusedError(
-                "kernel-unreadable",
-                f"meta-kernel {path} names {text!r}: {why}.",
-                "Correct its path: absolute, or relative to the working folder or to the meta-kernel.",
-            )
-        found.append(member)
+    texts = [_as_file_name(text) for text in kernel.strings(TO_LOAD)]
+    places = {text: _member(path, text, symbols) for text in dict.fromkeys(texts)}
+    return [places[text] for text in texts]
+
+
+def _member(path: Path, text: str, symbols: dict[str, str]) -> Path:
+    whole = text
+    for symbol in sorted(symbols, key=len, reverse=True):
+        whole = whole.replace(f"${symbol}", _as_file_name(symbols[symbol]))
+    found = _looked_for([Path(whole), path.parent / whole, path.resolve().parent / whole])
+    if found is None:
+        why = f"{whole} is not there" if "$" not in whole else f"{whole} has a symbol that {SYMBOLS} does not give"
+        raise RefusedError(
+            "kernel-unreadable",
+            f"meta-kernel {path} names {text!r}: {why}.",
+            "Correct its path: absolute, or relative to the working folder or to the meta-kernel.",
+        )
     return found
+
+
+def _as_file_name(text: str) -> str:
+    """A string of a kernel, whose bytes were taken one by one, as the UTF-8 text that it is; as it stands otherwise."""
+    try:
+        return text.encode("latin-1").decode("utf-8")
+    except UnicodeError:
+        return text
+
+
+def _looked_for(candidates: list[Path]) -> Path | None:
+    """The first regular file; else the first that is there at all, for whoever opens it to say what it is."""
+    there = [candidate for candidate in candidates if _is_there(candidate)]
+    return next((candidate for candidate in there if candidate.is_file()), there[0] if there else None)
+
+
+def _is_there(path: Path) -> bool:
+    """Whether something has that name; a name that no file can have (too long) is not there."""
+    try:
+        path.lstat()
+    except (OSError, ValueError):
+        return False
+    return path.name != ""

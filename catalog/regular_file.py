@@ -87,6 +87,14 @@ def is_regular(path: Path) -> bool:
     return True
 
 
+def is_folder(path: Path) -> bool:
+    """Whether there is a folder that can be looked at; a name that no file can have is none."""
+    try:
+        return stat.S_ISDIR(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
 def _looked_at(path: Path) -> os.stat_result:
     try:
         return os.stat(path)

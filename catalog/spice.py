@@ -8,13 +8,14 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
-from catalog.regular_file import check_regular
+from catalog.regular_file import check_regular, is_folder
 
 KIND_OF_SUFFIX = {
     ".tls": "lsk", ".tpc": "pck", ".bpc": "pck", ".tf": "fk", ".ti": "ik", ".tsc": "sclk", ".bsp": "spk", ".bc": "ck",
@@ -22,6 +23,7 @@ KIND_OF_SUFFIX = {
 BINARY_SUFFIXES = (".bsp", ".bc", ".bpc")
 KIND_ORDER = ("lsk", "pck", "fk", "ik", "sclk", "spk", "ck", "other", "meta")
 MAX_META_DEPTH = 10
+MAX_KERNELS = 5300  # that SPICE keeps loaded (MAXFIL of its KEEPER)
 
 _POOL_LOCK = threading.RLock()
 
@@ -78,37 +80,43 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     """
     files: list[Path] = []
     for path in map(Path, paths):
-        if path.is_dir():
+        if is_folder(path):
             files += sorted(p for p in path.rglob("*") if p.suffix.lower() in KIND_OF_SUFFIX and p.is_file())
         else:
             files.append(path)
     kernels = sorted(map(_of_file, files), key=lambda k: KIND_ORDER.index(k.kind))
-    return [each for kernel in kernels for each in _with_members(kernel, ())]
+    found = list(islice((each for kernel in kernels for each in _with_members(kernel, ())), MAX_KERNELS + 1))
+    if len(found) > MAX_KERNELS:
+        fault = f"kernels from {kernels[0].path} to {kernels[-1].path}: with what meta-kernels name there are more than"
+        remedy = "Name each kernel once, and only those of the images' times."
+        raise RefusedError("kernel-too-many", f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
+    return found
 
 
-def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> list[Kernel]:
+def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     """A kernel, and what it names if it is a meta-kernel, in its own order; meta-kernels may name others."""
+    yield kernel
     if kernel.kind != "meta":
-        return [kernel]
+        return
     path = kernel.path.resolve()
     if path in above or len(above) >= MAX_META_DEPTH:
         fault = f"meta-kernel {kernel.path} names itself, over {', '.join(other.name for other in above)}."
         raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
-    found = [kernel]
-    for member in members_of(kernel.path, read_text_kernel(kernel.path)):
-        found += _with_members(_of_file(member), (*above, path))
-    return found
+    members = members_of(kernel.path, read_text_kernel(kernel.path))
+    kernels = {member: _of_file(member) for member in dict.fromkeys(members)}
+    for member in members:
+        yield from _with_members(kernels[member], (*above, path))
 
 
 def _of_file(path: Path) -> Kernel:
     try:
         check_regular(path)
+        return Kernel(path, kernel_kind(path))
     except FileNotFoundError as error:
         remedy = "Give a kernel file or a folder."
         raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
     except OSError as error:
         raise _unreadable(path, error) from error
-    return Kernel(path, kernel_kind(path))
 
 
 def _unreadable(path: Path, error: OSError) -> RefusedError:

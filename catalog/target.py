@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationErro
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.regular_file import is_regular
 
 TARGET_FOLDER = Path(__file__).parent / "targets"
 SECONDS_PER_DAY = 86400.0
@@ -147,7 +148,7 @@ def read_target_file(path: Path) -> Target:
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
         raise RefusedError("target-file-invalid", f"target file {path}: {faults}.", remedy) from error
-    if target.basemap and (path.parent / target.basemap).is_file():
+    if target.basemap and is_regular(path.parent / target.basemap):
         target = target.model_copy(update={"basemap": str((path.parent / target.basemap).absolute())})
     return target if target.shape is None else target.with_shape(path.parent / target.shape)
 

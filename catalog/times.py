@@ -9,7 +9,7 @@ GPS_BEHIND_TAI_S = 19.0
 TIME = re.compile(
     r"(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))"  # calendar day, or day of the year
     r"(?:[T ](\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d*)?))?)?"
-    r" ?(?:Z|UTC?|([+-]\d{2}):?(\d{2}))?",
+    r" ?(?:Z|UTC?|([+-](?:0\d|1[0-4])):?([0-5]\d))?",  # clocks differ by 14 hours at most
 )
 EXAMPLE = "2000-05-22T23:52:05.277Z"
 

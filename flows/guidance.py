@@ -6,6 +6,7 @@ from catalog.errors import RefusedError
 from catalog.plain_files import read_json_file
 from catalog.plain_text import shown_path
 from catalog.pose import PartialPose
+from catalog.regular_file import is_folder, is_regular
 from flows.request import Request
 
 RESULT = "result.json"
@@ -40,10 +41,10 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
     path = request.resume
     if path is None:
         return None
-    if path.is_dir():
+    if is_folder(path):
         name = request.product
         candidates = (path / RESULT, path / name / RESULT, path / f"{name}.pose.json")
-        path = next((candidate for candidate in candidates if candidate.is_file()), path / RESULT)
+        path = next((candidate for candidate in candidates if is_regular(candidate)), path / RESULT)
     try:
         content = read_json_file(path)
         pose = content.get("pose", content) if isinstance(content, dict) else None

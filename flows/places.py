@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from catalog.errors import RefusedError
+from catalog.regular_file import is_folder
 from catalog.settings import cache_folder, state_folder
 from tasks.objectstore.location import is_url, open_object_store
 
@@ -36,10 +37,19 @@ def usable_place_of(store: str | Path) -> Place:
     """`place_of`, after a look whether products can be written there, for that would only be found out after all
     steps. Raises RefusedError when the folder is a file, or may not be written in."""
     place = place_of(store)
-    existing = next(path for path in (place.store, *place.store.absolute().parents) if path.exists())
-    if not existing.is_dir():
-        fault = f"{existing} is a file" if existing == place.store else f"{existing} on its way is a file"
-        raise RefusedError("store-unusable", f"store {store}: {fault}.", "Give a folder; it is made if need be.")
+    remedy = "Give a folder; it is made if need be."
+    try:
+        place.store.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        pass  # to be made, or below a file
+    except (OSError, ValueError) as error:  # its name is too long, a link to itself, behind a locked folder
+        fault = error.strerror if isinstance(error, OSError) else error
+        raise RefusedError("store-unusable", f"store {store}: {fault}.", remedy) from error
+    existing = next(path for path in (place.store, *place.store.absolute().parents) if os.path.lexists(path))
+    if not is_folder(existing):
+        what = "a link to what is not there" if existing.is_symlink() and not existing.exists() else "a file"
+        fault = f"{existing} is {what}" if existing == place.store else f"{existing} on its way is {what}"
+        raise RefusedError("store-unusable", f"store {store}: {fault}.", remedy)
     if not os.access(existing, os.W_OK | os.X_OK):
         fault = f"store {store}: nothing may be written in the folder {existing}."
         raise RefusedError("store-unusable", fault, "Change its permissions, or give another --store.")

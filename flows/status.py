@@ -1,6 +1,5 @@
 """What a store says of itself: how its images ended, its latest runs, where time and memory go, what is out of date."""
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any
 
 from catalog.digest import remember_digests
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.plain_files import own_json
 from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
 from flows.reprocessing.outcomes import Outcome, all_outcomes
@@ -75,7 +75,7 @@ def latest_runs(books: Path) -> list[dict[str, Any]]:
     runs = []
     for path in sorted((books / RUNS).glob("[!.]*.json"), reverse=True)[:SHOWN_RUNS]:
         try:
-            runs.append(json.loads(path.read_text(encoding="utf-8")))
+            runs.append(own_json(path.read_text(encoding="utf-8")))
         except (OSError, ValueError):
             continue
     return runs

@@ -19,6 +19,7 @@ NOISY_SHARE = 0.2
 """Of neighbouring pixels that differ: 0 in a sky of one value, 0.3 with noise of 0.3 data numbers, 1 in floats."""
 MAX_LOG_CHANCE = -25.0
 """Natural logarithm of the chance that pixels with the neighbours' share of that value make such a run: 1e-11."""
+MAX_VALUES = 3  # besides zero and the smallest number
 SIDE_LINES = 3  # a stretch that touches the frame's top or bottom has noise on one side only: it must be this high
 
 
@@ -82,7 +83,8 @@ def _whole_lines(image: NDArray) -> list[_Run]:
         while bottom < len(image) and constant[bottom] and image[bottom, 0] == value:
             bottom += 1
         run = _Run(int(top), int(bottom), 0, image.shape[1], float(value))
-        if any(_is_noisy(side, run) for side in _sides(image, run)):
+        nearest = [*np.flatnonzero(~constant[:top])[-1:], *(bottom + np.flatnonzero(~constant[bottom:])[:1])]
+        if any(_is_noisy(image[line], run) for line in nearest):  # beyond blocks of another value
             runs.append(run)
     return runs
 
@@ -136,9 +138,16 @@ def _is_filled(image: NDArray, run: _Run) -> bool:
 
 
 def _values_of_filling(image: NDArray) -> list[float]:
-    """Zero and the smallest number; a run of the largest one is saturation."""
+    """Zero, the smallest number, and those that most runs have; runs of whole numbers' largest one are saturation."""
     finite = image[np.isfinite(image)] if image.dtype.kind == "f" else image
-    return list(dict.fromkeys([0.0, float(finite.min())])) if finite.size else []
+    if not finite.size:
+        return []
+    lines, starts, ends = _runs(np.pad(image[:, 1:] == image[:, :-1], ((0, 0), (0, 1))))
+    values, which = np.unique(image[lines, starts], return_inverse=True)
+    order = np.argsort(-np.bincount(which, ends - starts, minlength=len(values)), kind="stable")
+    frequent = [float(value) for value in values[order[:MAX_VALUES]] if np.isfinite(value)]
+    saturated = float(finite.max()) if image.dtype.kind in "iu" else None
+    return [value for value in dict.fromkeys([0.0, float(finite.min()), *frequent]) if value != saturated]
 
 
 def _runs(equal: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:

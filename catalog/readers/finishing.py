@@ -21,6 +21,8 @@ from catalog.target import find_target, is_target_file
 
 MIN_USABLE_PX = 100  # no disk that can be corrected is smaller
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
+CONTRAST_PERCENTILES = (1.0, 99.9)
+MIN_STEPS = 255  # that 8-bit pictures have
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
 
@@ -118,6 +120,7 @@ def _undistorted(reading: Reading, camera: Camera | None) -> bool:
 def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observation:
     with np.errstate(invalid="ignore"):
         sound = np.abs(reading.image) < NULL_MAGNITUDE  # false for NaN too
+    _check_steps(path, reading.image, sound)
     image = np.where(sound, reading.image, 0).astype(np.float32)
     quality = np.zeros(image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
     quality[~sound] |= np.uint16(Quality.MISSING)
@@ -133,6 +136,20 @@ def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observa
             "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
         )
     return Observation(image, _noise(reading, camera, image, quality), quality)
+
+
+def _check_steps(path: Path, image: NDArray, sound: NDArray[np.bool_]) -> None:
+    """Raises RefusedError where the picture's contrast would be lost among numbers far from zero: they are worked with
+    in single precision, whose steps are 256 at 4e9."""
+    values = image[sound] if image.dtype.itemsize > 2 and image.dtype != np.float32 else image[:0]
+    if not values.size:
+        return
+    lowest, highest = np.percentile(values, CONTRAST_PERCENTILES)
+    step = float(np.spacing(np.float32(max(abs(float(values.min())), abs(float(values.max()))))))
+    if 0 < highest - lowest < MIN_STEPS * step:
+        fault = f"image {path}: its numbers, {lowest:g} to {highest:g}, are further from zero than apart: "
+        remedy = "Subtract a constant from its pixels, so that the sky is near zero."
+        raise RefusedError("image-precision", f"{fault}in single precision they have steps of {step:g}.", remedy)
 
 
 def _shares(quality: NDArray[np.uint16]) -> str:

@@ -167,6 +167,8 @@ def _own_flags(found: FitsContents) -> tuple[NDArray[Any] | None, tuple[str, ...
         for name in found.planes
         if name != own and FLAG_PLANE.search(name)
     )
+    if own and found.planes[own].dtype.kind not in "iu":
+        return None, (*foreign, f"the extension {own} is not used: its flags are no whole numbers")
     return (found.planes[own] if own else None), foreign
 
 

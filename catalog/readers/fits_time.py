@@ -3,7 +3,8 @@
 DATE-AVG and MJD-AVG are the middle; DATE-BEG, DATE-END, MJD-BEG, MJD-END, TSTART and TSTOP the ends; DATE-OBS and
 MJD-OBS the start (section 4.4.2.2) unless the keyword's comment says middle or end. TIMESYS is the scale of them all,
 UTC by default. Beside the standard: DATE-MID and EXPMID, EXPSTART and EXPEND of Hubble's files, and the time of day in
-TIME-OBS, UTC-OBS, UTSTART ... where DATE-OBS has only the day, as it had to before 2000 (also as dd/mm/yy).
+TIME-OBS, UTC-OBS, UTSTART ... where DATE-OBS has only the day, as it had to before 2000 (also as dd/mm/yy), or the day
+and T00:00:00.
 """
 
 import re
@@ -33,6 +34,7 @@ MJDS: dict[str, Place] = {
 LENGTHS = ("XPOSURE", "EXPTIME", "TELAPSE")
 UNITS_S = {"S": 1.0, "MIN": 60.0, "H": 3600.0, "D": 86400.0, "MS": 1e-3}
 OLD_DAY = re.compile(r"(\d{2})/(\d{2})/(\d{2})")
+MIDNIGHT = re.compile(r"(\d{4}-\d{2}-\d{2})[T ]00:00(?::00(?:\.0*)?)?")
 CLOCK = re.compile(r"(\d{1,2}:\d{2}(?::\d{2}(?:\.\d*)?)?) *(?:Z|UTC?)?")
 IS_MIDDLE = re.compile(r"\b(mid|middle|midpoint|cent(er|re)|average|avg)\b", re.IGNORECASE)
 IS_END = re.compile(r"\b(end|stop|finish)\b", re.IGNORECASE)
@@ -88,6 +90,9 @@ def _dates(header: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[T
             continue
         old = OLD_DAY.fullmatch(value)
         day, scale_of_day = (f"19{old[3]}-{old[2]}-{old[1]}", "utc") if old else (value, scale)
+        midnight = MIDNIGHT.fullmatch(value)
+        if midnight and any(CLOCK.fullmatch(text(header, clock) or "") for clock in clocks):
+            day = midnight[1]  # the time of day is in the other keyword, the zeros only fill the format up
         place = _place(keyword, comments, usual)
         found = claim(keyword, day, place, scale_of_day)
         if found and (found[0].day_et is not None):

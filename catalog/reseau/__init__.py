@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from catalog.regular_file import read_regular_text
+from catalog.regular_file import is_regular, read_regular_text
 
 RESEAU_FOLDER = Path(__file__).parent
 COLUMNS = ["index", "raw_line", "raw_sample", "object_line", "object_sample"]
@@ -37,7 +37,7 @@ def reseau_table_path(name_or_file: str) -> Path | None:
     """File of a table of the catalog, or the user's own file; None for what names neither (`auto`, `nominal` ...)."""
     if name_or_file in reseau_table_names():
         return RESEAU_FOLDER / f"{name_or_file}.tsv"
-    return Path(name_or_file) if Path(name_or_file).is_file() else None
+    return Path(name_or_file) if is_regular(Path(name_or_file)) else None
 
 
 def find_reseau_table(name_or_file: str) -> ReseauTable:

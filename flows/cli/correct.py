@@ -150,10 +150,11 @@ def writable(store: str) -> "Place":
 def usable_kernels(paths: list[Path]) -> None:
     """What holds no kernel is wrong usage."""
     from catalog.errors import RefusedError
+    from catalog.regular_file import is_folder, is_regular
     from catalog.spice import refuse_what_holds_no_kernel
 
     try:
-        refuse_what_holds_no_kernel(path for path in paths if path.exists())
+        refuse_what_holds_no_kernel(path for path in paths if is_regular(path) or is_folder(path))
     except RefusedError as error:
         raise typer.BadParameter(str(error), param_hint="--kernels") from error
 

@@ -1,11 +1,11 @@
 """What a page says of one image: its row of the index, its result, its provenance."""
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError
+from catalog.plain_files import own_json
 from catalog.regular_file import read_regular_text
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 
@@ -45,7 +45,7 @@ def image_entry(folder: Path, row: dict[str, Any]) -> ImageEntry:
     """Gather what `folder` says of its image; what is missing stays empty."""
     result = _text(folder / RESULT)
     entry = ImageEntry(folder.name, row, settings=_text(folder / SETTINGS), result=result)
-    entry.facts = facts_of(json.loads(result)) if result else []
+    entry.facts = facts_of(own_json(result)) if result else []
     entry.provenance = provenance_of(folder)
     return entry
 
@@ -87,7 +87,7 @@ def provenance_of(folder: Path) -> list[Fact]:
     try:
         with opened_cube(folder) as cube:
             attributes = dict(cube.attrs)
-        nested = json.loads(attributes.get("provenance", "{}"))
+        nested = own_json(attributes.get("provenance", "{}"))
     except (PlanetposeError, OSError, ValueError) as error:
         return [(CUBE, f"cannot be read: {error}")]
     facts = [(name, str(attributes[name])) for name in ATTRIBUTES if name in attributes]
@@ -124,7 +124,7 @@ def _text(path: Path) -> str:
     """A JSON file's text; empty when there is none, or no JSON in it."""
     try:
         text = read_regular_text(path)
-        json.loads(text)
+        own_json(text)
     except (OSError, ValueError):
         return ""
     return text

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from catalog.plain_files import own_json
 from catalog.regular_file import read_regular_text
 from flows.reprocessing.fingerprint import Fingerprint
 from tasks.atomic import file_put_in_place
@@ -75,7 +76,7 @@ def read_outcome(books: Path, product: str, image: Path | str) -> Outcome | None
 
 def _read(path: Path) -> Outcome | None:
     try:
-        return Outcome(**json.loads(read_regular_text(path)))
+        return Outcome(**own_json(read_regular_text(path)))
     except (OSError, ValueError, TypeError):
         return None
 

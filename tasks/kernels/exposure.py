@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
+from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.regular_file import read_regular_text
 from catalog.target import Target
@@ -80,10 +81,10 @@ def read_exposure(folder: Path) -> Exposure:
     path = Path(folder) / GROUP
     refuse_what_is_elsewhere(Path(folder))
     try:
-        attributes = json.loads(read_regular_text(path))["attributes"]
-        nested = {key: json.loads(attributes[key]) for key in ("provenance", "settings", "pose_after")}
-        camera = camera_from_dict(json.loads(attributes["camera_model"]), f"of the cube in {folder}")
-        target = Target.model_validate(json.loads(attributes["target_model"]))
+        attributes = own_json(read_regular_text(path))["attributes"]
+        nested = {key: own_json(attributes[key]) for key in ("provenance", "settings", "pose_after")}
+        camera = camera_from_dict(own_json(attributes["camera_model"]), f"of the cube in {folder}")
+        target = Target.model_validate(own_json(attributes["target_model"]))
         target = target.model_copy(update={"shape": None})  # kernels hold radii; a shape model is a DSK of its own
         pose = Pose.from_dict(nested["pose_after"])
     except DAMAGE as error:
@@ -110,7 +111,7 @@ def _origin(attributes: dict[str, Any], nested: dict[str, Any]) -> dict[str, Any
         "image_sha256": provenance.get("image", {}).get("sha256"),
         "written_by": attributes.get("source"),
         "history": attributes.get("history"),
-        "uncertainty": _without_matrix(json.loads(attributes.get("uncertainty", "{}"))),
+        "uncertainty": _without_matrix(own_json(attributes.get("uncertainty", "{}"))),
         "kernels": [_name_of(kernel) for kernel in provenance.get("kernels", [])],
         "initial_pose": provenance.get("initial_pose", {}).get("sources"),
         "settings_sha256": hashlib.sha256(settings.encode()).hexdigest(),

@@ -5,11 +5,11 @@ is the mark of a whole product, and its cube no `zarr.json`, without which no re
 that dies leaves a product without them, and the next one starts anew.
 """
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
 from catalog.errors import FailedError
+from catalog.plain_files import own_json
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.publish.checksums import CHECKSUMS
 from tasks.publish.contained import refuse_what_is_elsewhere
@@ -35,7 +35,7 @@ def published_key(store: ObjectStore, product: str) -> str | None:
     the storage cannot be reached."""
     text = _record_of(store, product)
     try:
-        return str(json.loads(text)["key"]) if text else None
+        return str(own_json(text)["key"]) if text else None
     except (ValueError, KeyError, TypeError):
         return None
 
@@ -45,7 +45,7 @@ def published_origin(store: ObjectStore, product: str) -> Origin | None:
     when the storage cannot be reached."""
     text = _record_of(store, product)
     try:
-        return Origin.from_dict(json.loads(text)["result"]["image"]) if text else None
+        return Origin.from_dict(own_json(text)["result"]["image"]) if text else None
     except (ValueError, KeyError, TypeError):
         return None
 

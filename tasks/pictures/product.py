@@ -1,6 +1,5 @@
 """A finished product, read back: what the pictures of its limb need."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from catalog.basemap import BaseMap, packaged_map_path, read_map, uniform_map
 from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
 from catalog.observation import Observation, Quality
+from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
 from catalog.target import Target
@@ -71,7 +71,7 @@ def opened_cube(folder: Path) -> "xr.Dataset":
 
 
 def _loaded(value: Any) -> Any:
-    return json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value
+    return own_json(value) if isinstance(value, str) and value[:1] in "{[" else value
 
 
 def _observation(image: np.ndarray, quality: np.ndarray) -> Observation:

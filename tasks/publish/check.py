@@ -4,7 +4,6 @@ A digest finds damage, the table of variables finds what should never have been 
 pose finds planes that belong to another one.
 """
 
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from catalog.camera import Camera, camera_from_dict
 from catalog.digest import sha256_of_json
 from catalog.errors import RefusedError
 from catalog.observation import Quality
+from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.pixels import project_pixels
@@ -93,7 +93,7 @@ def _paper_faults(folder: Path) -> Iterator[str]:
     contents = {}
     for name in (RESULT, SETTINGS):
         try:
-            contents[name] = json.loads((folder / name).read_text(encoding="utf-8"))
+            contents[name] = own_json((folder / name).read_text(encoding="utf-8"))
         except FileNotFoundError:
             continue  # its checksum has told so
         except (OSError, ValueError) as error:
@@ -129,7 +129,7 @@ def _provenance_faults(attributes: Mapping[str, Any], product: str) -> Iterator[
     parsed: dict[str, Any] = {}
     for name in NESTED:
         try:
-            parsed[name] = json.loads(attributes[name])
+            parsed[name] = own_json(attributes[name])
         except KeyError:
             continue  # the table of variables has told so of those that must be there
         except (ValueError, TypeError) as error:
@@ -186,6 +186,6 @@ def _difference(name: str, a: NDArray[np.float64], b: NDArray[np.float64]) -> ND
 
 
 def _model_of(cube: "xr.Dataset") -> tuple[Camera, Target, Pose]:
-    camera = camera_from_dict(json.loads(cube.attrs["camera_model"]), "of the cube")
-    target = Target.model_validate(json.loads(cube.attrs["target_model"]))
-    return camera, target, Pose.from_dict(json.loads(cube.attrs["pose_after"]))
+    camera = camera_from_dict(own_json(cube.attrs["camera_model"]), "of the cube")
+    target = Target.model_validate(own_json(cube.attrs["target_model"]))
+    return camera, target, Pose.from_dict(own_json(cube.attrs["pose_after"]))

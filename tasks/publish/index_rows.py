@@ -1,6 +1,5 @@
 """One row of the store's index: what a product says of itself, gathered from its cube's attributes and its result."""
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,6 +10,7 @@ import numpy as np
 
 from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
+from catalog.plain_files import own_json
 from catalog.plain_text import printable
 from catalog.pose import Pose
 from catalog.regular_file import read_regular_text
@@ -121,12 +121,12 @@ TYPES: dict[str, Callable[[Any], Any]] = {"text": _text, "number": float, "whole
 
 
 def _read(folder: Path) -> dict[str, Any]:
-    attributes = json.loads(read_regular_text(folder / GROUP))["attributes"]
-    result = json.loads(read_regular_text(folder / RESULT)) if (folder / RESULT).is_file() else {}
-    pose = Pose.from_dict(json.loads(attributes["pose_after"]))
-    camera = camera_from_dict(json.loads(attributes["camera_model"]), f"of the cube in {folder}")
-    target = Target.model_validate(json.loads(attributes["target_model"]))
-    image = json.loads(attributes["provenance"]).get("image")
+    attributes = own_json(read_regular_text(folder / GROUP))["attributes"]
+    result = own_json(read_regular_text(folder / RESULT)) if (folder / RESULT).is_file() else {}
+    pose = Pose.from_dict(own_json(attributes["pose_after"]))
+    camera = camera_from_dict(own_json(attributes["camera_model"]), f"of the cube in {folder}")
+    target = Target.model_validate(own_json(attributes["target_model"]))
+    image = own_json(attributes["provenance"]).get("image")
     return {
         **{name: attributes[name] for name in ("utc", "et", "camera", "target", "pixel_space")},
         "software": attributes["source"],

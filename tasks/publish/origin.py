@@ -4,7 +4,6 @@ Two different files may have one name, as in the trees of raw and of calibrated 
 change, or move without changing: then its product is replaced.
 """
 
-import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.plain_files import own_json
 from catalog.plain_text import shown_path
 from catalog.regular_file import read_regular_text
 from tasks.atomic import file_put_in_place
@@ -63,8 +63,8 @@ def origin_of(folder: Path) -> Origin | None:
     with suppress(*DAMAGE):
         return Origin.from_dict(record_in(folder).result["image"])
     with suppress(*DAMAGE):
-        attributes = json.loads(read_regular_text(folder / CUBE / "zarr.json"))["attributes"]
-        return Origin(str(json.loads(attributes["provenance"])["image"]["sha256"]))
+        attributes = own_json(read_regular_text(folder / CUBE / "zarr.json"))["attributes"]
+        return Origin(str(own_json(attributes["provenance"])["image"]["sha256"]))
     return None
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from catalog.camera import camera_from_dict
 from catalog.errors import RefusedError
+from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
@@ -79,7 +80,7 @@ def _result_of(folder: Path) -> dict[str, Any]:
     """What was told of the product; nothing when nobody wrote it down. Raises RefusedError when it was damaged."""
     path = folder / RESULT
     try:
-        return dict(json.loads(path.read_text())) if path.is_file() else {}
+        return dict(own_json(path.read_text())) if path.is_file() else {}
     except ValueError as error:
         fault = f"{path} cannot be read ({error})."
         raise RefusedError(
@@ -88,7 +89,7 @@ def _result_of(folder: Path) -> dict[str, Any]:
 
 
 def _loaded(value: Any) -> Any:
-    return json.loads(value) if isinstance(value, str) and value[:1] in "{[" else value
+    return own_json(value) if isinstance(value, str) and value[:1] in "{[" else value
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

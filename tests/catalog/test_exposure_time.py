@@ -100,6 +100,9 @@ def test_words_for_the_unknown_say_nothing(word: str) -> None:
         ({"DATE-BEG": WHEN, "DATE-END": "1997-09-23T14:07:21", "EXPTIME": 10.0}, 60.0),
         ({"DATE-AVG": WHEN, "DATE-OBS": "1997-09-23T14:05:01", "EXPTIME": 40.0}, 0.0),
         ({"DATE-OBS": WHEN, "TIME-OBS": "01:01:01"}, 0.0),
+        ({"DATE-OBS": f"{DAY}T00:00:00", "TIME-OBS": CLOCK}, 0.0),
+        ({"DATE-OBS": f"{DAY} 00:00:00.000", "UTC-OBS": CLOCK}, 0.0),
+        ({"DATE-BEG": f"{DAY}T00:00", "UTSTART": CLOCK, "EXPTIME": 2.0}, 1.0),
         ({"MJD-AVG": mjd(WHEN)}, 0.0),
         ({"EXPSTART": mjd(WHEN), "EXPEND": mjd(WHEN) + 100 / 86400, "DATE-OBS": DAY, "TIME-OBS": CLOCK}, 50.0),
         ({"TSTART": 100.0, "TSTOP": 140.0, "MJDREFI": 50714, "MJDREFF": mjd(WHEN) - 50714}, 120.0),
@@ -117,6 +120,17 @@ def test_the_comment_of_date_obs_says_what_it_is_of() -> None:
     header = {"DATE-OBS": WHEN, "EXPTIME": 40.0}
     for comment, middle in (("UTC, middle of the exposure", 0.0), ("end of obs", -20.0), ("calendar start", 20.0)):
         assert et_of(header, {"DATE-OBS": comment}) == pytest.approx(et_from_utc(WHEN) + middle, abs=1e-5)
+
+
+def test_midnight_stays_midnight_where_nothing_else_is_a_time_of_day() -> None:
+    midnight = f"{DAY}T00:00:00"
+    for more in ({}, {"TIME-OBS": "00:00:00"}, {"TIME-OBS": "unknown"}, {"TIME-OBS": 5.0}):
+        assert et_of({"DATE-OBS": midnight, **more}) == pytest.approx(et_from_utc(midnight), abs=1e-5), more
+
+
+@pytest.mark.parametrize("offset", ["+99:99", "+15:00", "-24:00", "+05:60"])
+def test_an_offset_that_no_clock_has_makes_no_time(offset: str) -> None:
+    assert et_of({"DATE-OBS": f"{WHEN}{offset}"}) is None
 
 
 def test_leap_seconds_are_times_where_they_are() -> None:

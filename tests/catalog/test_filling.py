@@ -90,6 +90,24 @@ def test_whole_lines_of_any_value(value: float) -> None:
     assert np.array_equal(filled(image).mask, lost((slice(50, 60), ALL), (slice(190, None), ALL)))
 
 
+@pytest.mark.parametrize("value", [-32768.0, 7.25, 65535.0])
+@pytest.mark.parametrize("name", ["a block in the disk", "the end of a line", "ends of lines below each other"])
+def test_parts_of_lines_of_any_value(name: str, value: float) -> None:
+    image = as_float(disk(12.0, 2.5))
+    image[LOST[name]] = value
+    assert np.array_equal(filled(image).mask, LOST[name])
+
+
+def test_blocks_of_lines_of_two_values_beside_each_other() -> None:
+    image = as_float(disk(12.0, 2.5))
+    image[:100], image[100:110], image[150:160], image[160:] = -1.0, 7.0, 7.0, -1.0
+    assert np.array_equal(filled(image).mask, lost((slice(110), ALL), (slice(150, None), ALL)))
+
+
+def test_a_saturated_disk_of_floats_is_no_filling() -> None:
+    assert not filled(np.minimum(as_float(disk(12, 2.5)), np.float32(60))).mask.any()
+
+
 def test_a_sky_about_zero_is_noise_too() -> None:
     image = as_float(disk(0.0, 2.5))
     image[30:33] = 0

@@ -88,7 +88,11 @@ def test_what_spice_reads_whole_is_given_to_it_as_it_is(text: str, tmp_path: Pat
 def test_a_text_kernel_that_loads_nothing_is_refused_by_name(content: bytes, told: str, tmp_path: Path) -> None:
     for path in (tmp_path / "a.tpc", tmp_path / "a.kernel"):
         path.write_bytes(content)
-        for use in (pool, lambda path: refuse_what_holds_no_kernel([path]), lambda path: kernel_inputs([path])):
+        for use in (
+            pool,
+            lambda path: refuse_what_holds_no_kernel([path]),
+            lambda path: kernel_inputs(list_kernels([path])),
+        ):
             with pytest.raises(RefusedError, match=rf"a\.(tpc|kernel).*{told}"):
                 use(path)
 
@@ -107,10 +111,10 @@ def test_a_meta_kernel_is_known_by_its_content_and_its_members_are_in_the_keys(
     meta = written(tmp_path / name, meta_text(member).replace("KPL/MK", first))
     assert kernel_kind(meta) == "meta"
     assert pool(meta) == GOOD
-    before = kernel_inputs([meta])
+    before = kernel_inputs(list_kernels([meta]))
     assert [kernel for kernel, _ in before] == [name, "a.tpc"]
     written(member, PCK.replace("1 2 3", "1 2 9"))
-    assert kernel_inputs([meta])[1] != before[1]
+    assert kernel_inputs(list_kernels([meta]))[1] != before[1]
     assert pool(meta)["BODY999_RADII"] == [1.0, 2.0, 9.0]
 
 
@@ -195,3 +199,45 @@ def test_binary_kernels_are_known_by_content(tmp_path: Path, data_folder: Path) 
         original = next((data_folder / "kernels").rglob(f"*{suffix}"))
         os.symlink(original, tmp_path / f"{kind}.dat")
         assert kernel_kind(tmp_path / f"{kind}.dat") == kind == kernel_kind(original)
+
+
+def meta_of(folder: Path, *names: str, file: str = "m.tm") -> Path:
+    return written(folder / file, "KPL/MK\n\\begindata\nKERNELS_TO_LOAD = (" + "\n".join(names) + ")\n")
+
+
+def test_a_member_s_name_may_have_letters_beyond_ascii(tmp_path: Path) -> None:
+    written(tmp_path / "größe.tpc", PCK)
+    assert pool(meta_of(tmp_path, "'größe.tpc'")) == GOOD
+
+
+def test_a_member_that_is_no_file_is_told_as_what_it_is(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.tpc")
+    (tmp_path / "zero.tpc").symlink_to("/dev/zero")
+    (tmp_path / "loop.tpc").symlink_to("loop.tpc")
+    (tmp_path / "folder").mkdir()
+    for name, told in {
+        "pipe.tpc": "a pipe",
+        "zero.tpc": "a device",
+        "loop.tpc": "links",
+        "folder": "directory",
+    }.items():
+        with pytest.raises(RefusedError, match=f"{name} cannot be read.*{told}"):
+            list_kernels([meta_of(tmp_path, f"'{name}'")])
+    endless = " ".join(["'" + "b" * 100 + "+'"] * 50)
+    with pytest.raises(RefusedError, match="is not there"):
+        list_kernels([meta_of(tmp_path, endless, "'.tpc'")])
+
+
+def test_meta_kernels_that_name_each_other_over_and_over_end(tmp_path: Path) -> None:
+    """Ten names in each of nine levels are 10^9 kernels."""
+    written(tmp_path / "m9.tm", PCK)
+    for level in range(9):
+        meta_of(tmp_path, *[f"'m{level + 1}.tm'"] * 10, file=f"m{level}.tm")
+    with pytest.raises(RefusedError, match="more than the 5300 that SPICE can load"):
+        list_kernels([tmp_path / "m0.tm"])
+
+
+@pytest.mark.parametrize("data", ["A" * 200_000, "A = (" + "'" * 20_001, "A = '" + "''" * 50_000, "A ( " * 50_000])
+def test_damaged_text_is_not_tried_in_every_way(data: str, tmp_path: Path) -> None:
+    with pytest.raises(RefusedError, match=r"m\.tm"):
+        list_kernels([written(tmp_path / "m.tm", f"KPL/MK\n\\begindata\n{data}\n")])

@@ -9,6 +9,7 @@ from astropy.io import fits
 
 from catalog.basemap import packaged_map_path
 from catalog.camera import find_camera
+from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.adding import check_list
@@ -186,7 +187,7 @@ def test_the_step_takes_the_file_s_target_whole(tmp_path: Path) -> None:
     }  # fmt: skip
     (tmp_path / "pose.json").write_text(json.dumps(pose))
     request = Request(image=tmp_path / "a.fits", target=own_body(tmp_path / "v.toml"))
-    inputs = {"image": "x", "camera": {}, "target_name": target_inputs(request)}
+    inputs = {"image": sha256_of_file(request.image), "camera": {}, "target_name": target_inputs(request)}
     camera = find_camera("galileo-ssi").model_dump(mode="json", exclude_unset=True)
     places = {"image": str(request.image), "camera": None, "pose_file": str(tmp_path / "pose.json"), "kernels": []}
     done = pose_step.run(Work(inputs | {"camera": camera}, places, tmp_path, lambda *_: None))

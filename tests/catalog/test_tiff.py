@@ -140,3 +140,16 @@ def test_png_of_other_modes_is_refused_by_name(mode: str, named: str, tmp_path: 
     Image.new(mode, (9, 8)).save(tmp_path / "a.png")
     with pytest.raises(RefusedError, match=rf"a\.png.*{mode}.*{named}"):
         read_frame(tmp_path / "a.png")
+
+
+@pytest.mark.parametrize(("kind", "offset"), [("u4", 2**32 - 5000), ("i4", -(2**31)), ("u8", 2**60), ("f8", 1e12)])
+def test_contrast_far_from_zero_is_refused_rather_than_lost(kind: str, offset: float, tmp_path: Path) -> None:
+    """Single precision has steps of 128 to 256 at 4e9; near zero, or with a contrast of that size, nothing is lost."""
+    near = np.random.default_rng(0).integers(0, 4000, (64, 64))
+    tifffile.imwrite(tmp_path / "near.tif", near.astype(kind))
+    assert np.array_equal(read_frame(tmp_path / "near.tif").observation.image, near)
+    tifffile.imwrite(tmp_path / "wide.tif", (near.astype(kind) * 500_000))
+    assert read_frame(tmp_path / "wide.tif").observation.image.max() == pytest.approx(near.max() * 5e5, rel=1e-6)
+    tifffile.imwrite(tmp_path / "far.tif", near.astype(kind) + np.array(offset).astype(kind))
+    with pytest.raises(RefusedError, match=r"far\.tif.*further from zero than apart.*Subtract a constant"):
+        read_frame(tmp_path / "far.tif")

@@ -61,6 +61,7 @@ BREAKAGES: dict[str, Callable[[Path], None]] = {
     "pose is no pose": lambda p: rewritten(
         p / "cube.zarr/zarr.json", lambda c: c["attributes"].update(pose_after="{}")
     ),
+    "metadata are nested": lambda p: (p / "cube.zarr/zarr.json").write_text("[" * 100_000),
     "planes are gone": lambda p: shutil.rmtree(p / "cube.zarr/emission"),
     "cube links out": lambda p: replaced_by_link(p / "cube.zarr", p.parents[1] / "outside" / BAD / "cube.zarr"),
     "product links out": lambda p: replaced_by_link(p, p.parents[1] / "outside" / BAD),
