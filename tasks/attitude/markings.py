@@ -41,7 +41,8 @@ class Markings:
     or not at all although they would show; `undetermined`, the image cannot tell; `no-map`. correlation: of the image's
     and the map's markings. sigmas: the same in units of what chance gives. contrast: of the image's markings, the map's
     being 1. better_deg: rotation vector (3,) of a turn of the body that matches significantly better; None where
-    there is none within the search. better_sigmas: how well that matches. independent: measurements on the disk."""
+    there is none within the search. better_sigmas: how well that matches. independent: measurements on the disk.
+    expected_sigmas: what the map's markings would give if the image showed them as they are in the map."""
 
     verdict: Verdict
     correlation: float | None = None
@@ -50,6 +51,7 @@ class Markings:
     better_deg: Array | None = None
     better_sigmas: float | None = None
     independent: float | None = None
+    expected_sigmas: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -100,6 +102,7 @@ def judged(texture: Texture, prior_deg: float) -> Markings:
     weight = errors**-2.0
     most = float((contrasts * weight).sum() / weight.sum() + ABSENT_SIGMAS * weight.sum() ** -0.5)
     told["contrast"] = float((contrasts * weight).sum() / weight.sum())
+    told["expected_sigmas"] = float(weight.sum() ** 0.5)
     if most < LEAST_CONTRAST:
         return Markings("mismatched", **told)
     return Markings("undetermined", **told)
