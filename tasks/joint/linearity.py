@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 # 1-sigma of the power that is as good as not held at all.
 FREE = 10.0
+# What laws that do not fit are taken for, beyond the residuals' scatter, 1-sigma: on 18 simulated images of six laws
+# and a linear detector the power was 0.054 off at most where its own sigma was below 0.05.
+LAWS_SIGMA = 0.03
 # Sigmas from which the disk is taken to show it; less is within what map and laws do (see SystematicSettings.limb_px).
 SHOWN_SIGMAS = 3.0
 
@@ -64,5 +67,5 @@ def linearity_of(solution: Solution) -> Linearity:
         expected=np.concatenate([[0.0], solution.problem.expected]),
     )
     fit = solve(problem, solution.fit.weight)
-    sigma = float(np.sqrt(covariance_of_all(problem, fit)[0, 0]))
+    sigma = float(np.hypot(np.sqrt(covariance_of_all(problem, fit)[0, 0]), LAWS_SIGMA))
     return Linearity(float(fit.values[0]), sigma, response_to(solution, column))
