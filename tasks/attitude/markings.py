@@ -29,6 +29,8 @@ BETTER, BETTER_FACTOR = 16.0, 2.0
 # The map's markings are absent where the best orientation stays by so many sigmas below what they would give at so
 # large a part of the map's contrast (measured on 30 simulated images of six laws, radius 8-137 px: 0.42 and more).
 LEAST_CONTRAST, ABSENT_SIGMAS = 0.4, 4.0
+# They are absent, too, where the disk as it is excludes by as many sigmas that it holds this part of their contrast.
+EXCLUDED_CONTRAST = 0.25
 # How far around the search looks, in sigmas of the prior; into so many steps per side.
 REACH_SIGMAS, STEPS, MOST_REACH_DEG = 3.3, 2, 30.0
 REFINED, ROUNDS = 2, 5
@@ -103,6 +105,11 @@ def judged(texture: Texture, prior_deg: float) -> Markings:
         return Markings("matched", **told)
     if max(signed_root(here), signed_root(found)) < expected - ABSENT_SIGMAS:
         return Markings("mismatched", **told)
+    contrasts, errors = contrasts_of(texture, independent)
+    weight = errors**-2.0
+    told["contrast"] = float((contrasts * weight).sum() / weight.sum())
+    if told["contrast"] + ABSENT_SIGMAS * weight.sum() ** -0.5 < EXCLUDED_CONTRAST:
+        return Markings("mismatched", **told)
     return Markings("undetermined", **told)
 
 
@@ -143,6 +150,15 @@ def evidence_of(correlations: Array, independent: Array) -> float:
     against it."""
     free = np.maximum(independent - 1.0, 0.0)
     return float(np.sum(-np.sign(correlations) * free * np.log(np.maximum(1 - correlations**2, 1e-9))))
+
+
+def contrasts_of(texture: Texture, independent: Array) -> tuple[Array, Array]:
+    """Contrast of the image's markings by size, the map's being 1, and their 1-sigma by chance."""
+    other = texture.bands(texture.of_map(np.eye(3)))
+    square = np.array([max(float(b @ b), 1e-12) for b in other])
+    own = np.array([float(a @ a) for a in texture.own])
+    contrast = np.array([float(a @ b) for a, b in zip(texture.own, other, strict=True)]) / square
+    return contrast, np.sqrt(own / square / np.maximum(independent - 1.0, 0.5))
 
 
 def expected_evidence(texture: Texture, independent: Array) -> float:
