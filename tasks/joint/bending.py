@@ -57,7 +57,7 @@ def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: flo
     """
     along = _over_window(solution, scale.planes_down(planes))
     column = _column(solution, along)
-    response = scale.step_up(_response(solution, column))
+    response = scale.step_up(response_to(solution, column))
     per_sigma_px = scale.n * _rms_on_disk(solution, along)
     # A held centre that is a little off would be taken for bending, too.
     if least_px is None or per_sigma_px <= 0 or solution.held[OFFSET].any():
@@ -94,7 +94,7 @@ def _column(solution: Solution, along: NDArray[np.float32]) -> NDArray[np.float3
     return np.asarray(column, np.float32)
 
 
-def _response(solution: Solution, column: NDArray[np.float32]) -> Array:
+def response_to(solution: Solution, column: NDArray[np.float32]) -> Array:
     """The step (8,) that the solution would take if the image changed by `column` (a considered parameter; Bierman
     1977, Factorization Methods, chapter VIII)."""
     problem = solution.problem

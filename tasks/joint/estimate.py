@@ -15,6 +15,7 @@ from tasks.joint.blur import blurred_start
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.limb_response import limb_response
 from tasks.joint.limb_seen import shown_by
+from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
@@ -42,7 +43,8 @@ class Estimate:
     """free: solution with the range free, at its own scale; shown: its covariance (8, 8) by its residuals. free_state,
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
     these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body.
-    bending: what the disk told of it; the states are those of the image without it. None where none is known."""
+    bending: what the disk told of it; the states are those of the image without it. None where none is known.
+    linearity: what the disk told of the detector."""
 
     free: Solution
     shown: Array
@@ -52,6 +54,7 @@ class Estimate:
     covariance: Array
     common: Array
     bending: Bending | None = None
+    linearity: Linearity | None = None
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -120,11 +123,14 @@ def estimated(
     own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
     common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, scale))
     common += of_the_camera(scene.camera)
+    linearity = linearity_of(free)
+    by_detector = scale.step_up(linearity.moved)
+    common += np.outer(by_detector, by_detector)
     common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
-    estimate = Estimate(free, shown, state, state, errors, errors, common, bending)
+    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity)
     return weighed(estimate, metadata, sigmas, scene.camera)
 
 

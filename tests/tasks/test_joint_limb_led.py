@@ -12,7 +12,7 @@ from tasks.compare.limb_errors import limb_covariance, relief_covariance, shared
 from tasks.joint import JointSettings
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.estimate import Estimate, estimated, prior_sigmas, weighed
-from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb
+from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb, with_the_other
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
 from tasks.paper.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.simulate import Scene
@@ -69,6 +69,21 @@ def test_an_estimate_that_was_pulled_off_the_limb_is_brought_back() -> None:
     assert told["limb_px"][1] < 0.2 < 0.5 < told["limb_px"][0]
     assert told["error_grown"] > 2
     assert (np.abs(after.centre_px) < 3 * sigma).all()
+
+
+def test_what_the_limb_led_is_known_less_well_along_what_it_moved_by() -> None:
+    _, scene, pulled = pulled_away()
+    step = np.zeros(len(NAMES))
+    step[OFFSET] = 0.6, -0.8
+    away = pulled.free_state.moved(step, scene.camera)
+    led = with_the_other(replace(pulled, free_state=away, state=away), pulled, scene.camera)
+    for mine, before in ((led.covariance, pulled.covariance), (led.free_covariance, pulled.free_covariance)):
+        more = (mine - before)[OFFSET, OFFSET]
+        along, across = np.array([0.6, -0.8]), np.array([0.8, 0.6])
+        assert (
+            0.2 < np.sqrt(along @ more @ along) < 0.5
+        )  # each of two equally likely answers would be 0.5 from the mean
+        assert abs(across @ more @ across) < 1e-6
 
 
 def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:

@@ -74,6 +74,26 @@ def test_a_body_without_the_maps_markings_is_no_match() -> None:
     assert judged_markings(bland, truth, replace(scene, basemap=uniform_map()), PRIOR_DEG).verdict == "no-map"
 
 
+@pytest.mark.parametrize("contrast", [1.0, 4.0])
+def test_another_bodys_markings_are_no_match_however_strong_they_are(contrast: float) -> None:
+    scene, truth = small(45, 60)
+    own = scene.basemap.albedo
+    other = np.clip(1 + contrast * (np.roll(own[::-1], own.shape[1] // 3, axis=1) - 1), 0.05, None)
+    seen = observation_of(replace(scene, basemap=replace(scene.basemap, albedo=other.astype(np.float32))), truth)
+    found = judged_markings(seen, truth, scene, PRIOR_DEG)
+    print(contrast, found.to_dict())
+    assert found.verdict == "mismatched"
+
+
+@pytest.mark.parametrize("radius_px", [12, 30])
+def test_the_maps_markings_at_half_their_contrast_are_not_called_absent(radius_px: float) -> None:
+    scene, truth = small(radius_px, 60)
+    weak = replace(scene.basemap, albedo=(0.5 + 0.5 * scene.basemap.albedo).astype(np.float32))
+    found = judged_markings(observation_of(replace(scene, basemap=weak), truth, 3.0), truth, scene, PRIOR_DEG)
+    print(radius_px, found.to_dict())
+    assert found.verdict in ("matched", "undetermined")
+
+
 @pytest.mark.parametrize("flip", list(PLACES))
 def test_a_flip_takes_pixels_where_it_says(flip: Flip) -> None:
     side = 9
