@@ -31,8 +31,8 @@ Progress = Callable[[str, int, str], None]
 ROUNDS, STILL_PX = 4, 0.03
 # Chance of a difference between product and limb, with the errors of both grown, that is doubted.
 CHANCE_DOUBTED = 1e-4
-# How often the limb that leads is the one that is wrong, by relief or by optics that nobody told: of five simulated
-# images of another renderer that it led, it led two away from the truth; of the real ones of known pose none.
+# How often the limb that leads is the one that is wrong, by relief or by optics that are in no file: of five simulated
+# images of another renderer that it led, it led two away from the truth. A choice between that and never.
 LED_WRONG = 0.25
 
 
