@@ -62,7 +62,7 @@ class AttitudeSettings(BaseModel):
     settle_deg: float = Field(0.01, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
     place_px: float = Field(0.1, ge=0)
-    map_frame_deg: float = Field(0.14, ge=0)
+    map_frame_deg: float = Field(0.1, ge=0)
 
 
 @dataclass(frozen=True)

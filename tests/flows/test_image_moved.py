@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from catalog.pose import POSE_KEYS
 from flows.chain import Chain
 from flows.image import correct_pose
 from flows.profile import Profile
@@ -21,7 +22,7 @@ def corrected(folder: Path, moved: bool) -> tuple[Chain, dict[str, Any]]:
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
     limb = {"rms_px": 0.1, "points": 99, "tried": 99, "likeness": 0.9}
     results: dict[str, dict[str, Any]] = {
-        "pose": {"pose": {}, "sources": {}},
+        "pose": {"pose": {}, "sources": dict.fromkeys(POSE_KEYS, "spice")},
         "joint": {"changed": changed, "uncertainty": {}} | ({IMAGE_MOVED: True} if moved else {}),
         "point": {"changed": changed, "uncertainty": {}},
         "validate": {"limb": limb},
