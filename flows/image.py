@@ -223,6 +223,8 @@ def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict
     name = f"{correction}-{number}"
     inputs = scene | {"pose": pose_inputs(chain, latest), "settings": settings}
     places = basemap | {"pose": chain.folder(latest)}
+    if correction == "attitude":
+        inputs |= {"attitude_prior_deg": attitude_prior_deg(chain)}
     if correction == "joint":
         # Its priors are about the predicted pose, and depend on where its parts come from.
         inputs |= {"predicted": pose_inputs(chain, "pose"), "pose_sources": chain.records["pose"].result["sources"]}
@@ -235,6 +237,11 @@ def correct(chain: Chain, correction: str, number: int, latest: str, scene: dict
     return name
 
 
+def attitude_prior_deg(chain: Chain) -> float | None:
+    """1-sigma of the predicted orientation; None where nothing is known of it."""
+    return chain.request.profile.joint.priors.of(chain.records["pose"].result["sources"]).attitude_deg
+
+
 def markings_match(chain: Chain) -> bool:
     """False where the last attitude step found markings in the image that are not the map's."""
     attitudes = [record.result for name, record in chain.records.items() if name.startswith("attitude-")]
@@ -243,10 +250,9 @@ def markings_match(chain: Chain) -> bool:
 
 def validate(chain: Chain, latest: str, scene: dict[str, Any], basemap: dict[str, Any]) -> dict[str, Any]:
     """Compare the limbs, and the markings where the last step did not."""
-    profile, sources = chain.request.profile, chain.records["pose"].result["sources"]
     inputs = scene | {
         "orientation": chain.records[latest].result.get("evidence", {}).get("orientation"),
-        "attitude_prior_deg": profile.joint.priors.of(sources).attitude_deg,
+        "attitude_prior_deg": attitude_prior_deg(chain),
         "pose": pose_inputs(chain, latest),
         "predicted": pose_inputs(chain, "pose"),
         "settings": chain.request.profile.settings_of("validate"),

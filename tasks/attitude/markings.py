@@ -36,6 +36,10 @@ REACH_SIGMAS, STEPS, MOST_REACH_DEG = 3.3, 2, 30.0
 REFINED, ROUNDS = 2, 5
 OTHER_LONGITUDE_DEG, LONGITUDE_STEP_DEG = 20.0, 10.0
 OWN_PEAK_PX = 2.5
+# A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas bear it out.
+CONFLICT_SIGMAS, STRONG_SIGMAS = 3.0, 8.0
+# Where nothing is known of the orientation's error it is taken for so large, 1-sigma.
+UNKNOWN_DEG = 10.0
 
 
 @dataclass(frozen=True)
@@ -205,6 +209,11 @@ def climbed(
                     turn, score = trial, value
                     break
     return turn, score
+
+
+def is_borne_out(markings: Markings) -> bool:
+    """Whether the markings bear an orientation out so strongly that they outweigh what its prior says against it."""
+    return markings.verdict == "matched" and (markings.sigmas or 0.0) >= STRONG_SIGMAS
 
 
 def mismatch_of(markings: Markings) -> str:

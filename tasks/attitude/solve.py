@@ -13,6 +13,7 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
+from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, judged_markings
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -35,8 +36,10 @@ class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
     attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
     match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
-    larger turn is not believed, nor one whose 1-sigma about some axis exceeds max_sigma_deg. min_lit: weakest simulated
-    shading, relative to the brightest, at which markings are compared.
+    larger turn is believed only where the markings, compared with what chance gives, bear it out strongly; None, the
+    default, takes what the prior of the orientation contradicts (3 of its sigmas). A turn whose 1-sigma about some axis
+    exceeds max_sigma_deg is never believed. min_lit: weakest simulated shading, relative to the brightest, at which
+    markings are compared.
 
     max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
     paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error, or when the turns
@@ -53,13 +56,13 @@ class AttitudeSettings(BaseModel):
     min_vectors: int = Field(200, ge=3)
     min_share: float = Field(0.25, ge=0, le=1)
     min_lit: float = Field(0.15, ge=0, lt=1)
-    max_deg: float = Field(5.0, gt=0)
+    max_deg: float | None = Field(None, gt=0)
     max_sigma_deg: float = Field(1.0, gt=0)
     max_turns: int = Field(5, ge=1, le=50)
     settle_deg: float = Field(0.01, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
     place_px: float = Field(0.1, ge=0)
-    map_frame_deg: float = Field(0.14, ge=0)
+    map_frame_deg: float = Field(0.1, ge=0)
 
 
 @dataclass(frozen=True)
@@ -74,14 +77,20 @@ class Turn:
 
 
 def find_attitude(
-    observation: Observation, pose: Pose, scene: Scene, settings: AttitudeSettings, progress: Progress | None = None
+    observation: Observation,
+    pose: Pose,
+    scene: Scene,
+    settings: AttitudeSettings,
+    progress: Progress | None = None,
+    prior_deg: float = UNKNOWN_DEG,
 ) -> Correction:
     """Correct the attitude of the target by optical flow and Kabsch; camera and distance stay.
 
     Large disks are first compared at reduced resolution, so that the search box spans some degrees. When the image
     cannot tell (too few or too poor vectors, an unbelievable turn, or a turn that makes the images less alike) the
     pose is returned unchanged with `attitude_deg` None and the reason in the evidence: that is an answer, no failure.
-    Where the map has markings and the image others, the evidence holds a `doubt` as well. converged, and `settled` in
+    Where the map has markings and the image others, the evidence holds a `doubt` as well. prior_deg: 1-sigma of the
+    orientation at the start, see `AttitudeSettings.max_deg`. converged, and `settled` in
     the evidence: whether turning came to rest within `max_turns`.
     """
     radius = disk_radius_px(pose, scene.camera, scene.target)
@@ -123,7 +132,9 @@ def find_attitude(
         "correlation_before": before,
         "correlation_after": after,
     }
-    reason = why_not(turn, whole, before, after, settings)
+    reason = why_not(turn, before, after, settings)
+    if reason is None:
+        reason = why_not_so_far(observation, turned, whole, scene, settings, prior_deg)
     if reason is not None:
         evidence |= {"undetermined": reason, "settled": None}
         if turn.evidence.get("mismatch") or "not believable" in reason:
@@ -164,20 +175,34 @@ def at_rest(turn: Turn, turns_deg: list[NDArray[np.float64]], radius_px: float, 
     return replace(turn, pose=pose, sigma_deg=np.hypot(turn.sigma_deg, rest.scatter))
 
 
-def why_not(
-    turn: Turn, whole_deg: NDArray[np.float64], before: float, after: float, settings: AttitudeSettings
-) -> str | None:
+def why_not(turn: Turn, before: float, after: float, settings: AttitudeSettings) -> str | None:
     """Why the turns so far are not believed, or None."""
-    angle = float(np.linalg.norm(whole_deg))
     if turn.vector_deg is None or turn.sigma_deg is None:
         return str(turn.evidence["reason"])
-    if angle > settings.max_deg:
-        return f"a turn of {angle:.1f} deg is not believable (limit {settings.max_deg} deg)"
     if turn.sigma_deg.max() > settings.max_sigma_deg:
         return f"the turn is uncertain by {turn.sigma_deg.max():.1f} deg (limit {settings.max_sigma_deg} deg)"
     if after < before - 1e-4:
         return f"the turn makes image and simulation less alike ({before:.4f} to {after:.4f})"
     return None
+
+
+def why_not_so_far(
+    observation: Observation,
+    turned: Pose,
+    whole_deg: NDArray[np.float64],
+    scene: Scene,
+    settings: AttitudeSettings,
+    prior_deg: float,
+) -> str | None:
+    """Why a turn of the body by `whole_deg` (3,) is larger than can be believed, or None."""
+    angle = float(np.linalg.norm(whole_deg))
+    limit = CONFLICT_SIGMAS * prior_deg if settings.max_deg is None else settings.max_deg
+    if angle <= limit or is_borne_out(judged_markings(observation, turned, scene, prior_deg)):
+        return None
+    return (
+        f"a turn of {angle:.1f} deg is not believable (limit {limit:g} deg), "
+        "for the markings do not bear it out strongly"
+    )
 
 
 def told(turn: Turn) -> str:

@@ -6,12 +6,10 @@ from typing import Any
 from catalog.flips import MEANINGS, PLACES, Flip
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.attitude.markings import FOUND, Markings, best_turn, is_better, measurements
+from tasks.attitude.markings import FOUND, Markings, best_turn, is_better, is_borne_out, measurements
 from tasks.attitude.texture import Texture, texture_of
 from tasks.simulate import Scene
 
-# Markings that bear the orientation out so well need no comparison with mirror images, px of which are the same.
-SURE_SIGMAS = 8.0
 # A mirror image whose shading fits the disk less well, by this much correlation, is none: the Sun would be elsewhere.
 LESS_LIKE = 0.05
 # How much more of the shading's scatter a mirror image must explain to be believed by that alone.
@@ -38,8 +36,8 @@ def better_flip(
 ) -> Symmetry | None:
     """The flip of the picture about the disk's centre that fits the simulation of `pose` significantly better than the
     picture as it is, or None. markings: the verdict on the picture as it is."""
-    if markings.verdict == "matched" and (markings.sigmas or 0.0) >= SURE_SIGMAS:
-        return None
+    if is_borne_out(markings):
+        return None  # no mirror image can match as well
     own = texture_of(observation, pose, scene)
     if own is None:
         return None

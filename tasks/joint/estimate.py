@@ -19,7 +19,7 @@ from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
-from tasks.joint.solve import Solution, solve_joint
+from tasks.joint.solve import Solution, line_of, solve_joint
 from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -36,6 +36,8 @@ EXACT = DistortionError()
 # It only has to show where it leads: at half of the pixels where so many are left across, and in so many steps.
 SECOND_DIAMETER_PX, SECOND_ITERATIONS = 140.0, 6
 DISAGREEMENT_PX = 0.3
+# A start that ends elsewhere, where the image fits worse by so many squares of sigmas, is caught in a false minimum.
+SURELY_WORSE = 16.0
 
 
 @dataclass(frozen=True)
@@ -204,7 +206,7 @@ def second_start(
     settings: JointSettings,
 ) -> float | None:
     """Pixels between the limbs of the solution and of a quick one that began elsewhere; None when that did not come to
-    rest."""
+    rest, or fits surely worse than the solution does: markings may catch it."""
     x_px, y_px, limb_px, turn_deg = SECOND_START
     radius = disk_radius_px(start.pose, scene.camera, scene.target)
     step = np.zeros(len(NAMES))
@@ -221,7 +223,13 @@ def second_start(
     if scale.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > DISAGREEMENT_PX / 2:
         return None
     found = scale.up(other.state)
+    place = estimate.free_state
     if estimate.bending:
-        found = found.moved(-estimate.bending.strength * estimate.bending.response, scene.camera)
-    apart = difference(found, estimate.free_state, scene.camera)
-    return float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
+        place = place.moved(estimate.bending.strength * estimate.bending.response, scene.camera)
+    apart = difference(found, place, scene.camera)
+    away = float(np.hypot(np.hypot(*apart[OFFSET]), apart[RANGE] * radius))
+    if away > DISAGREEMENT_PX:
+        line = line_of(other, scale.observation, scale.down(metadata), scale.scene, quick, free_range)
+        if line.cost_at(other, scale.down(place)) + SURELY_WORSE < line.cost_at(other, other.state):
+            return None
+    return away

@@ -15,7 +15,15 @@ from numpy.typing import NDArray
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
-from tasks.attitude.markings import Markings, evidence_of, judged, measurements, mismatch_of
+from tasks.attitude.markings import (
+    CONFLICT_SIGMAS,
+    Markings,
+    evidence_of,
+    is_borne_out,
+    judged,
+    measurements,
+    mismatch_of,
+)
 from tasks.attitude.texture import Texture, texture_of
 from tasks.joint.estimate import Estimate
 from tasks.joint.outline import outline_spread
@@ -27,8 +35,6 @@ Array = NDArray[np.float64]
 Told = dict[str, Any]
 Solve = Callable[[State, bool], tuple[Estimate, Told | None]]
 
-# A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas bear it out.
-CONFLICT_SIGMAS, STRONG_SIGMAS = 3.0, 8.0
 # A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
 # predicted orientation, or where it moves the middle of the disk by less than so many pixels.
 BORNE_OUT, NEGLECTED_PX = 16.0, 0.1
@@ -175,7 +181,7 @@ def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool, sce
 
 def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | None:
     """The doubt that a turn raises which its prior hardly allows, unless the markings bear it out strongly."""
-    if turn_deg <= CONFLICT_SIGMAS * prior_deg or (verdict.sigmas or 0.0) >= STRONG_SIGMAS:
+    if turn_deg <= CONFLICT_SIGMAS * prior_deg or is_borne_out(verdict):
         return None
     return (
         f"orientation-conflict: the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "

@@ -186,6 +186,21 @@ class Line:
         away[self.held] = 0
         return linear.cost + float(np.sum((away / self.sigmas) ** 2)), linear
 
+    def cost_at(self, solution: Solution, state: State) -> float:
+        """Cost of another state than the solution's, everything else kept and the linear unknowns solved anew."""
+        model = linear_model(self.scene, state, solution.model.window, solution.model.tiles, self.settings)
+        return self.cost(model, solution.fit.values[: len(solution.model.bases)], solution.fit)[0]
+
+
+def line_of(
+    solution: Solution, observation: Observation, metadata: State, scene: Scene, settings: JointSettings, sigmas: Array
+) -> Line:
+    """By what `solution` was judged, to judge other states with: arguments as of `solve_joint`."""
+    data = Data(observation, solution.model.window)
+    weights = solution.fit.values[: len(solution.model.bases)]
+    weight = solution.trust.weight(solution.model, data, weights, settings)
+    return Line(data, weight, solution.trust.tiles, metadata, sigmas, solution.held, scene, settings)
+
 
 def told(step: Array) -> str:
     """The step for the progress display."""

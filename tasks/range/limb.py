@@ -24,12 +24,16 @@ from tasks.simulate.window import disk_radius_px
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
+# The limit of the range's change is so many sigmas of it.
+LIMIT_SIGMAS = 3.0
+
 
 class LimbRangeSettings(BaseModel):
     """stop_px: the loop ends when neither limb nor centre moves by more, or by more than half their formal error.
     rest_px: or when both go to and fro within so much, or their error, of the middle of their way, which is then taken.
-    limit: largest change of the range factor. centre_px, radius_px: errors of the centre (each coordinate) and of the
-    disk's radius by photometric law, blur and map, which the scatter of the segments does not show, 1-sigma; measured
+    limit: largest change of the range factor; a third of it is taken for the start's 1-sigma, so that an arc too
+    short to tell the range from the centre keeps it. centre_px, radius_px: errors of the centre (each coordinate) and
+    of the disk's radius by photometric law, blur and map, which the segments' scatter does not show, 1-sigma; measured
     on simulated images of other laws and maps (docs/method/uncertainty.md). across: sub-pixels of the simulated disk,
     at most; None leaves them to the scene."""
 
@@ -60,6 +64,7 @@ def find_range_by_limb(
         centre = camera.project(corrected.target_in_camera_km)
         needed = settings.edges.points_needed(disk_radius_px(corrected, camera, scene.target))
         fit = fit_limb(edges, centre, solve_growth=True, min_points=needed)
+        fit = with_range_known(fit, float(np.log(pose.range_km / corrected.range_km)), settings.limit / LIMIT_SIGMAS)
         corrected = pose_moved_by(corrected, camera, fit.offset_px).with_range_factor(1 / (1 + fit.growth))
         radius = disk_radius_px(pose, camera, scene.target)
         moved = max(float(np.hypot(*fit.offset_px)), abs(fit.growth) * radius)
@@ -91,6 +96,19 @@ def find_range_by_limb(
         f"growths were {', '.join(f'{step[2]:.5f}' for step in history)}.",
         "Check range and Sun direction: where they are far off, the lit limb is not where it is looked for.",
     )
+
+
+def with_range_known(fit: LimbFit, grown: float, sigma: float) -> LimbFit:
+    """The fit with the disk's size at the start weighed in, as of 1-sigma `sigma`, relative (one step of a Kalman
+    filter). grown: logarithm of how much the disk has grown since."""
+    surplus, known = grown + fit.growth, []
+    for covariance in (fit.covariance, fit.noise_covariance):
+        gain = covariance[:, 2] / (covariance[2, 2] + sigma**2)
+        known.append((gain, covariance - np.outer(gain, covariance[2])))
+    (gain, covariance), (_, noise) = known
+    offset = fit.offset_px - gain[:2] * surplus
+    growth = fit.growth - float(gain[2]) * surplus
+    return replace(fit, offset_px=offset, growth=growth, covariance=covariance, noise_covariance=noise)
 
 
 def _correction(

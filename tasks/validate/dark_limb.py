@@ -87,15 +87,20 @@ def dark_limb(observation: Observation, pose: Pose, scene: Scene) -> DarkLimb:
 def radial_profile(outward: Array, values: Array, noise: Array) -> tuple[Array, Array] | None:
     """Median (2 REACH_PX + 1,) of the values in rings one pixel wide and its error; None where a ring is empty."""
     ring = np.rint(outward).astype(np.int64) + REACH_PX
-    middle, error = np.zeros(2 * REACH_PX + 1), np.zeros(2 * REACH_PX + 1)
-    for k in range(len(middle)):
-        own = ring == k
-        if own.sum() < FEWEST_IN_BIN:
-            return None
-        middle[k] = np.median(values[own])
-        scatter = 1.4826 * float(np.median(np.abs(values[own] - middle[k])))
-        error[k] = 1.25 * max(scatter, float(np.median(noise[own]))) / np.sqrt(own.sum())
+    counts = np.bincount(ring, minlength=2 * REACH_PX + 1)
+    if counts.min() < FEWEST_IN_BIN:
+        return None
+    middle = medians(values, ring, counts)
+    scatter = 1.4826 * medians(np.abs(values - middle[ring]), ring, counts)
+    error = 1.25 * np.maximum(scatter, medians(noise, ring, counts)) / np.sqrt(counts)
     return middle, error
+
+
+def medians(values: Array, label: NDArray[np.int64], counts: NDArray[np.int64]) -> Array:
+    """Medians (k,) of the values (n,) of each label 0 to k - 1, of which there are counts (k,), none of them zero."""
+    ordered = values[np.lexsort((values, label))]
+    first = np.cumsum(counts) - counts
+    return np.asarray((ordered[first + (counts - 1) // 2] + ordered[first + counts // 2]) / 2, np.float64)
 
 
 def edge_in(profile: Array, error: Array) -> float | None:

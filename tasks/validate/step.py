@@ -5,7 +5,7 @@ from typing import Any
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.attitude.markings import Markings, judged_markings, mismatch_of
+from tasks.attitude.markings import UNKNOWN_DEG, Markings, judged_markings, mismatch_of
 from tasks.attitude.symmetry import better_flip, doubt_of_symmetry
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
@@ -21,8 +21,6 @@ from tasks.work import Work
 
 # Sub-pixels across the disk of the picture before: its similarity need only be right to 0.001.
 ACROSS_BEFORE = 400.0
-# Where nothing is known of the orientation's error others are looked for so far about it, 1-sigma.
-UNKNOWN_DEG = 10.0
 
 
 def run(work: Work) -> dict[str, Any]:

@@ -148,10 +148,9 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     by_sun = [
         detect(np.tensordot(weights, shaded(*step) - shaded(-step[0], -step[1]), 1), oversample, scene.psf_sigma_px)
         / np.float32(2 * DIFFERENCE_DEG)
-        for step in ((DIFFERENCE_DEG, 0.0), (0.0, DIFFERENCE_DEG))
+        for step in ((DIFFERENCE_DEG, 0.0), (0.0, DIFFERENCE_DEG))[: 1 + both]
     ]
     columns = np.concatenate([bases, flat, moving[:3], np.stack(by_sun)])
-    columns = columns if both else columns[:-1]
     values, covariance, _ = robust_least_squares(columns, image, weight)
     residual = (image - np.tensordot(values.astype(np.float32), columns, 1)) * np.sqrt(weight)
     first, shared = len(bases) + 1, _shared(residual)

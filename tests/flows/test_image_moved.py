@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from catalog.pose import POSE_KEYS
 from flows.chain import Chain
 from flows.image import correct_pose
 from flows.profile import Profile
@@ -29,7 +30,7 @@ def corrected(folder: Path, moved: bool) -> tuple[Chain, dict[str, Any]]:
         "likeness": 0.9,
     }
     results: dict[str, dict[str, Any]] = {
-        "pose": {"pose": {}, "sources": {}},
+        "pose": {"pose": {}, "sources": dict.fromkeys(POSE_KEYS, "spice")},
         "joint": {"changed": changed, "uncertainty": {}} | ({IMAGE_MOVED: True} if moved else {}),
         "point": {"changed": changed, "uncertainty": {}},
         "validate": {"limb": limb},

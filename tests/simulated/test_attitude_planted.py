@@ -40,7 +40,7 @@ def test_a_planted_turn_is_recovered(observation: Observation, turn_deg: float, 
     print(f"turn of {turn_deg} deg: {left_deg(found):.4f} deg left, 1-sigma {sigma:.4f}, bar {BAR_DEG}")
     assert left_deg(found) < BAR_DEG
     # What the map's frame and the disk's place may be off by is stated, too.
-    assert (np.array(found.uncertainty["attitude_deg"]) > 0.14).all()
+    assert (np.array(found.uncertainty["attitude_deg"]) > AttitudeSettings().map_frame_deg).all()
     assert found.changed["attitude_deg"] == pytest.approx(turn_deg * AXIS, abs=BAR_DEG)
     assert found.evidence["correlation_after"] > found.evidence["correlation_before"]
     np.testing.assert_array_equal(found.pose.camera_from_j2000, TRUTH.camera_from_j2000)
@@ -94,16 +94,55 @@ def test_a_bland_image_leaves_the_attitude_undetermined() -> None:
     assert found.pose is TRUTH
 
 
-@pytest.mark.parametrize("turn_deg", [6.0, 25.0])
-def test_a_turn_too_large_for_the_search_is_not_made_up(observation: Observation, turn_deg: float) -> None:
-    wrong = planted(TRUTH, CAMERA, (0, 0), 1, turn_deg * AXIS)
+def test_a_turn_too_large_for_the_search_is_not_made_up(observation: Observation) -> None:
+    wrong = planted(TRUTH, CAMERA, (0, 0), 1, 25 * AXIS)
     found = find_attitude(observation, wrong, SCENE, AttitudeSettings())
-    print(f"turn of {turn_deg} deg: {found.evidence.get('undetermined')}")
+    print(f"turn of 25 deg: {found.evidence.get('undetermined')}")
     assert found.changed["attitude_deg"] is None
     assert found.evidence["undetermined"]
     assert found.pose is wrong
     # Markings that do not match are a doubt about the whole image, not just a missing figure.
-    assert turn_deg < 10 or found.evidence["doubt"].startswith("markings-do-not-match")
+    assert found.evidence["doubt"].startswith("markings-do-not-match")
+
+
+@pytest.mark.parametrize(("turn_deg", "prior_deg", "max_deg"), [(3, 0.3, None), (6, 1.5, None), (6, 3, 1.0)])
+def test_a_turn_beyond_its_prior_is_believed_where_the_markings_bear_it_out(
+    observation: Observation, turn_deg: float, prior_deg: float, max_deg: float | None
+) -> None:
+    wrong = planted(TRUTH, CAMERA, (0, 0), 1, turn_deg * AXIS)
+    found = find_attitude(observation, wrong, SCENE, AttitudeSettings(max_deg=max_deg), prior_deg=prior_deg)
+    assert found.changed["attitude_deg"] == pytest.approx(turn_deg * AXIS, abs=BAR_DEG)
+    assert "doubt" not in found.evidence
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "prior_deg", "max_deg", "believed"),
+    [
+        (4.0, 0.9, None, False),
+        (4.0, 1.1, None, True),
+        (9.0, 0.9, None, True),
+        (4.0, 1.1, 2.0, False),
+        (4.0, 0.9, 4.0, True),
+        (None, 0.9, None, False),
+    ],
+)
+def test_weak_markings_do_not_outweigh_the_prior(
+    observation: Observation,
+    monkeypatch: pytest.MonkeyPatch,
+    sigmas: float | None,
+    prior_deg: float,
+    max_deg: float | None,
+    believed: bool,
+) -> None:
+    from tasks.attitude import solve
+    from tasks.attitude.markings import Markings
+
+    weak = Markings("undetermined") if sigmas is None else Markings("matched", 0.5, sigmas)
+    monkeypatch.setattr(solve, "judged_markings", lambda *_: weak)
+    settings = AttitudeSettings(max_deg=max_deg)
+    reason = solve.why_not_so_far(observation, TRUTH, 3 * AXIS, SCENE, settings, prior_deg)
+    assert (reason is None) == believed
+    assert believed or f"limit {max_deg or 3 * prior_deg:g} deg" in str(reason)
 
 
 def test_unusable_pixels_are_left_out(observation: Observation) -> None:
