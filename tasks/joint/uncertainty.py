@@ -132,14 +132,3 @@ def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.b
             direction[names] = vector
             found.append(Untold(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
     return found
-
-
-def with_attitude_of(covariance: Array, sigmas: Array) -> Array:
-    """Covariance (8, 8) with an attitude known no better than its prior of 1-sigma `sigmas` (8,), and all else less
-    well by its correlation with the attitude. What is held, or has no prior, stays."""
-    own = covariance[ATTITUDE, ATTITUDE]
-    missing = np.maximum(sigmas[ATTITUDE] ** 2 - np.diag(own), 0)
-    if not np.isfinite(missing).all() or not np.diag(own).all():
-        return covariance
-    follows = covariance[:, ATTITUDE] @ np.linalg.inv(own)
-    return np.asarray(covariance + (follows * missing) @ follows.T)

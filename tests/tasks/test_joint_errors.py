@@ -6,9 +6,9 @@ import pytest
 from catalog.target import find_target
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
-from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
+from tasks.joint.parameters import OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale, width_in_frame_px
-from tasks.joint.uncertainty import of_the_body, with_attitude_of
+from tasks.joint.uncertainty import of_the_body
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.simulate.plant import planted, pose_error
 
@@ -51,24 +51,6 @@ def test_disks_cut_by_the_frame_are_solved_by_what_is_in_it(
     assert max(1, round(width / JointSettings().diameter_px)) == n
     assert width <= 2 * radius_px * 1.01
     assert width <= 512 * 1.01
-
-
-def test_where_markings_are_not_the_map_s_the_attitude_is_known_by_its_prior_alone() -> None:
-    draws = np.random.default_rng(5).normal(size=(8, 30)) * np.array([[0.05, 0.05, 4e-4, 0.3, 0.4, 0.4, 0.4, 0.1]]).T
-    covariance = draws @ draws.T / 30
-    priors = np.array([np.inf, np.inf, np.inf, 0.1, 3.0, 3.0, 0.01, 0.25])
-    wider = with_attitude_of(covariance, priors)
-    turn = np.sqrt(np.diag(wider)[ATTITUDE])
-    assert turn[:2] == pytest.approx([3.0, 3.0])
-    assert turn[2] == pytest.approx(np.sqrt(covariance[6, 6]))  # not better known than before, either
-    assert (np.diag(wider) >= np.diag(covariance)).all()
-    assert np.linalg.eigvalsh(wider).min() > 0
-    # What does not go with the attitude is as sure as before: the centre when the attitude is given.
-    given = [c[:2, :2] - c[:2, 4:7] @ np.linalg.inv(c[4:7, 4:7]) @ c[4:7, :2] for c in (covariance, wider)]
-    assert given[1] == pytest.approx(given[0])
-    held = covariance.copy()
-    held[ATTITUDE, :] = held[:, ATTITUDE] = 0
-    assert np.array_equal(with_attitude_of(held, priors), held)
 
 
 def test_an_orientation_from_a_file_leaves_the_kernels_range_as_sure_as_it_is() -> None:
