@@ -1,6 +1,5 @@
 """Batches by the hundred, each with one image that spoils it: is anything lost, hung, or told without a reason?"""
 
-import sys
 import tempfile
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
@@ -8,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from flows.children import our_module
 from flows.fuzz.batch import Ground, spoil_of
 from flows.fuzz.reader_process import ReaderProcess
 
@@ -52,7 +52,7 @@ def spoil_batches(numbers: Iterable[int], seed: int, tell: Callable[[int], None]
     with tempfile.TemporaryDirectory() as folder:
         ground = Ground(Path(folder))
         ground.prepare()
-        command = (sys.executable, "-m", "flows.fuzz.batch_child", str(ground.folder))
+        command = (*our_module("flows.fuzz.batch_child"), str(ground.folder))
         with ReaderProcess(TIMEOUT_S, MEMORY_BYTES, command) as child:
             for number in numbers:
                 found.note(number, child.put([number, seed]))

@@ -18,6 +18,7 @@ from catalog.rotation import rotation_from_vector_deg
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.compare.limb_fit import LimbFit
 from tasks.compare.match import Match
+from tasks.correction import FORMAL
 from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS, Shift
 from tasks.roll import RollSettings, find_roll
@@ -86,7 +87,7 @@ def test_pointing_converges_where_it_moves_no_more_than_its_own_error(
     found = pointed(monkeypatch, error)
     centre = pose_error(found.pose, TRUTH, CAMERA, EUROPA).centre_px
     assert np.hypot(*centre) == pytest.approx(away_px, abs=0.003)
-    assert np.hypot(*found.uncertainty["offset_px"]) == pytest.approx(scatter_px, abs=0.002)
+    assert np.hypot(*found.evidence[FORMAL]["offset_px"]) == pytest.approx(scatter_px, abs=0.002)
     assert ("scatter_px" in found.evidence) == (scatter_px > 0)
 
 
@@ -108,7 +109,9 @@ def limb_fit(error: Error) -> Callable[..., LimbFit]:
         left = CAMERA.project(TRUTH.target_in_camera_km) - centre_px
         calls.append(len(calls))
         wrong = error(len(calls), left)
-        return LimbFit(left + wrong, float(wrong[0]) / 20, 1e-8 * np.eye(3), 0.01)
+        certain, edges_of_all_sides = 1e-8 * np.eye(3), np.linspace(0, 360, 37)[:-1]
+        design = np.column_stack([*(f(np.radians(edges_of_all_sides)) for f in (np.cos, np.sin)), np.full(36, 20.0)])
+        return LimbFit(left + wrong, float(wrong[0]) / 20, certain, certain, 0.01, design, edges_of_all_sides)
 
     return fit
 
@@ -116,7 +119,8 @@ def limb_fit(error: Error) -> Callable[..., LimbFit]:
 def test_the_limbs_range_is_the_middle_of_where_it_goes_to_and_fro(monkeypatch: pytest.MonkeyPatch) -> None:
     """The growth alternates by 0.04 px at the limb around nothing; so does the centre."""
     monkeypatch.setattr(by_limb, "fit_limb", limb_fit(alternating(0.03)))
-    found = by_limb.find_range_by_limb(observation(), TRUTH, SCENE, by_limb.LimbRangeSettings())
+    exact = by_limb.LimbRangeSettings(centre_px=0, radius_px=0)
+    found = by_limb.find_range_by_limb(observation(), TRUTH, SCENE, exact)
     assert np.hypot(*pose_error(found.pose, TRUTH, CAMERA, EUROPA).centre_px) < 0.003
     assert 0.5 * 0.024 / 20 < found.uncertainty["range_factor"] < 2 * 0.024 / 20
     monkeypatch.setattr(by_limb, "fit_limb", limb_fit(alternating(0.3)))
@@ -144,7 +148,7 @@ def test_a_roll_that_goes_to_and_fro_within_a_tenth_of_a_pixel_has_settled(
     assert found.evidence["settled"] is settles
     if settles:
         assert found.changed["roll_deg"] == pytest.approx(-size_deg / 2, abs=1e-6)
-        assert found.uncertainty["roll_deg"] == pytest.approx(size_deg / 2, rel=0.01)
+        assert found.evidence[FORMAL]["roll_deg"] == pytest.approx(size_deg / 2, rel=0.01)
 
 
 def planted_turns(vectors: Callable[[int], Array]) -> Callable[..., attitude.Turn]:
@@ -177,4 +181,6 @@ def test_an_attitude_that_goes_to_and_fro_within_a_tenth_of_a_pixel_has_settled(
     assert found.converged is settles
     if settles:
         assert np.linalg.norm(found.changed["attitude_deg"]) == pytest.approx(np.hypot(0.1, 0.05) / 2, rel=0.01)
-        assert np.linalg.norm(found.uncertainty["attitude_deg"]) == pytest.approx(np.hypot(0.1, 0.05) / 2, rel=0.05)
+        assert np.linalg.norm(found.evidence[FORMAL]["attitude_deg"]) == pytest.approx(
+            np.hypot(0.1, 0.05) / 2, rel=0.05
+        )

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from catalog.basemap import packaged_map_path
+from catalog.digest import sha256_of_file
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from tasks.correction import IMAGE_MOVED
@@ -145,7 +146,7 @@ def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tm
     inputs = {
         "camera": scene.camera.model_dump(mode="json"),
         "target": scene.target.model_dump(mode="json"),
-        "basemap": {"sha256": "its digest", "left_edge_deg": 0.0},
+        "basemap": {"sha256": sha256_of_file(map_path), "left_edge_deg": 0.0},
         "simulate": scene.settings.model_dump(mode="json"),
         "settings": ONCE.model_dump(mode="json"),
         "pose_sources": dict.fromkeys(truth.to_dict(), "file"),
