@@ -55,7 +55,7 @@ def looks_like_an_image(path: Path) -> bool:
     try:
         with open_regular(path) as file:
             head = file.read(HEAD_BYTES)
-    except NotRegularError:
+    except (IsADirectoryError, NotRegularError):
         return False
     return any(reader.recognises(head, path) for reader in READERS)
 

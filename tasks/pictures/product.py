@@ -14,11 +14,11 @@ from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
 from catalog.target import Target
-from tasks.compare.limb_edges import LimbSettings
 from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.product import CUBE, no_cube_in
 from tasks.simulate import Scene, SceneSettings
+from tasks.validate import ValidateSettings
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,7 +34,7 @@ class Product:
     before: Pose
     after: Pose
     scene: Scene
-    limb: LimbSettings
+    limb: ValidateSettings
 
 
 def read_product(folder: Path, basemap: Path | None = None) -> Product:
@@ -59,7 +59,7 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
         Pose.from_dict(attributes["pose_before"]),
         Pose.from_dict(attributes["pose_after"]),
         Scene(camera, target, known, SceneSettings.model_validate(settings.get("simulate", {}))),
-        LimbSettings.model_validate(settings.get("validate", {})),
+        ValidateSettings.model_validate(settings.get("validate", {})),
     )
 
 

@@ -90,7 +90,7 @@ def test_enceladus_by_cassini_with_a_pose_by_eye_whole_and_half_masked(bench: Be
         found = find_pose_jointly(masked, start, predicted, "file", scene, once, markings_match=False)
         apart = 2 * scene.camera.project(found.pose.target_in_camera_km) + 0.5 - result["centre_px"]
         nearer = np.log(found.pose.range_km / start.range_km)
-        moved = np.array([*apart, nearer, *found.changed["attitude_deg"]])
+        moved = np.array([*apart, nearer, *(found.changed["attitude_deg"] or (0, 0, 0))])
         sigma = np.hypot(sigmas(found.uncertainty, 2), sigmas(result["uncertainty"], 1))
         print(f"{side} half masked, rebinned: {np.round(apart, 2)} px, range {nearer:+.5f}")
         print(f"  centre, range, attitude moved by {np.round(moved / sigma, 1)} sigma")

@@ -94,7 +94,8 @@ def test_relief_is_an_error_of_centre_and_range_along_what_a_half_lit_limb_leave
 @pytest.mark.parametrize("law", [lambert, lommel_seeliger])
 def test_the_limb_alone_tells_the_correlation_of_centre_and_range(law) -> None:
     truth = true_pose(CAMERA, phase_deg=80.0, sun_azimuth_deg=185.0)
-    found = find_range_by_limb(observed(picture(truth, law=law), 0.5), truth, scene(), LimbRangeSettings())
+    edges_alone = LimbRangeSettings(centre_px=0, radius_px=0)
+    found = find_range_by_limb(observed(picture(truth, law=law), 0.5), truth, scene(), edges_alone)
     covariance = np.array(found.evidence["covariance"])
     sigma = np.sqrt(np.diag(covariance))
     assert found.uncertainty["offset_px"] == pytest.approx(sigma[:2])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from catalog.camera import known_cameras
+from catalog.digest import sha256_of_file
 from catalog.observation import Observation
 from tasks.publish.fits import write_fits
 from tasks.stored import load_arrays, load_observation
@@ -22,7 +23,7 @@ def test_the_step_stores_what_later_steps_and_cubes_need(tmp_path: Path, space: 
     observation = Observation(image, np.ones_like(image), np.zeros(image.shape, np.uint16))
     write_fits(path, observation, camera.name, "europa", 0.0, 1.0, as_bytes=False)
     inputs = {
-        "image": "digest",
+        "image": sha256_of_file(path),
         "camera": camera.model_dump(mode="json"),
         "target_name": None,
         "settings": UndistortSettings(space=space).model_dump(),
