@@ -106,12 +106,25 @@ def oriented(
             estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
-    held, led = solve(predicted, True)
+    held, led_held = solve(predicted, True)
     verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
     # Two orientations that both fail are no match, and what no flow could follow is none either.
     if not markings_match and verdict_there.verdict == "undetermined":
         verdict_there = replace(verdict_there, verdict="mismatched")
-    return with_prior(held, estimate, sigmas, False, scene), led, Orientation(verdict_there, "prior", angle, gain)
+    known = Orientation(verdict_there, "prior", angle, gain)
+    if verdict_there.verdict == "mismatched":
+        # Markings that are not the image's pull a body that is held at them; one that was free has turned them away.
+        return with_prior(turned_back(estimate, metadata.pose), held, sigmas, False, scene), led, known
+    return with_prior(held, estimate, sigmas, False, scene), led_held, known
+
+
+def turned_back(estimate: Estimate, predicted: Pose) -> Estimate:
+    """The estimate with its body at the predicted orientation; centre, range and roll as they were found."""
+    state, free = (
+        replace(each, pose=each.pose.replaced(body_from_j2000=predicted.body_from_j2000))
+        for each in (estimate.state, estimate.free_state)
+    )
+    return replace(estimate, state=state, free_state=free)
 
 
 def judged_at(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> tuple[Markings, Texture | None]:
