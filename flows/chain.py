@@ -1,66 +1,93 @@
 """The chain of one image: the steps done so far, their records, and who runs the next."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic
 
 from flows.request import Request
 from tasks.record import Record
-from tasks.step import Step
+from tasks.step import AnyStep, F, I, R, Step, StepType
 
-RunStep = Callable[[Step], Record]
+RunStep = Callable[[AnyStep], Record]
 
 
 class NotCachedError(Exception):
     """A step has no record yet, so the answer cannot be given without working."""
 
+    def __init__(self, step: AnyStep) -> None:
+        super().__init__(step.name)
+        self.step = step
 
-def only_cached(step: Step) -> Record:
+
+def only_cached(step: AnyStep) -> Record:
     """A runner that never works. Raises NotCachedError."""
     record = step.record()
     if record is None:
-        raise NotCachedError(step.name)
+        raise NotCachedError(step)
     return record
 
 
+@dataclass(frozen=True)
+class Done(Generic[R]):
+    """A step that was done: the step, its record and the result that the record holds."""
+
+    step: Step[Any, Any, R]
+    record: Record
+    result: R
+
+    @property
+    def key(self) -> str:
+        """Key of the step."""
+        return self.step.key
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the record and of the files beside it."""
+        return self.step.folder
+
+
 class Chain:
-    """Records of one image's steps, in the order of doing. run: does a step, or answers from the cache."""
+    """Steps of one image, in the order of doing. run: does a step, or answers from the cache. done: by the steps' names
+    (`point-2`). cached: names of those that were there already."""
 
     def __init__(self, request: Request, run: RunStep) -> None:
         self.request = request
-        self.steps: dict[str, Step] = {}
-        self.records: dict[str, Record] = {}
+        self.done: dict[str, Done[Any]] = {}
         self.cached: list[str] = []
         self._run = run
 
     def do(
         self,
-        name: str,
-        body: str,
-        inputs: dict[str, Any],
-        places: dict[str, Any],
+        kind: StepType[I, F, R],
+        inputs: I,
+        files: F,
+        watched: tuple[tuple[Path, str], ...] = (),
+        number: int | None = None,
         destination: Path | None = None,
-        kind: type[Step] = Step,
-        files: tuple[tuple[Path, str], ...] = (),
-    ) -> dict[str, Any]:
-        """Do step `name` by the module `body` and return its result. Raises what the step raises."""
-        step = kind(name, body, self.request.product, self.request.cache, inputs, places, destination, files)
-        self.steps[name] = step
+    ) -> Done[R]:
+        """Do a step, in pass `number` if there are several of its kind; see `Step` for the others. Raises what the step
+        raises."""
+        name = kind.name if number is None else f"{kind.name}-{number}"
+        request = self.request
+        step = Step(kind, name, request.product, request.cache, inputs, files, destination, watched)
         was_there = step.record() is not None
-        self.records[name] = self._run(step)
+        record = self._run(step)
         if was_there:
             self.cached.append(name)
-        return self.records[name].result
+        done = Done(step, record, step.result_in(record))
+        self.done[name] = done
+        return done
 
-    def key(self, name: str) -> str:
-        """Key of a step that was done."""
-        return self.steps[name].key
+    def last(self, kind: StepType[I, F, R]) -> Done[R] | None:
+        """The latest step of a kind, None when it was not reached."""
+        found = [done for done in self.done.values() if done.step.kind is kind]
+        return found[-1] if found else None
 
-    def folder(self, name: str) -> str:
-        """Folder of a step that was done."""
-        return str(self.steps[name].folder)
+    def of_kind(self, kind: StepType[I, F, R]) -> dict[str, R]:
+        """Results of all steps of a kind, by their names."""
+        return {name: done.result for name, done in self.done.items() if done.step.kind is kind}
 
-    def result(self, name: str) -> dict[str, Any] | None:
-        """Result of a step, None when it was not reached."""
-        record = self.records.get(name)
-        return record.result if record else None
+    def forget(self, names: Callable[[str], bool]) -> None:
+        """Take out steps whose kinds `names` says are to be done again."""
+        self.done = {name: done for name, done in self.done.items() if not names(done.step.kind.name)}

@@ -24,11 +24,11 @@ from flows.result import result_of, tally
 from flows.verdict import PUBLISHED
 from tasks.prefect_task import run_as_task
 from tasks.record import Record
-from tasks.step import Step
+from tasks.step import AnyStep
 from tasks.work import Progress
 
 Result = dict[str, Any]
-RunStep = Callable[[Step, Progress], Record]
+RunStep = Callable[[AnyStep, Progress], Record]
 HEAR_CTRL_C_S = 0.5
 
 
@@ -129,7 +129,7 @@ def one_result(
     return result
 
 
-def run_and_report(reporter: Reporter, stop: Event, run_step: RunStep, step: Step) -> Record:
+def run_and_report(reporter: Reporter, stop: Event, run_step: RunStep, step: AnyStep) -> Record:
     """Run one step, telling the reporter that it begins and how it iterates. Raises FailedError once `stop` is set."""
 
     def progress(_: str, iteration: int, text: str) -> None:

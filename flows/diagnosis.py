@@ -6,20 +6,22 @@ It goes when the product is published.
 
 import logging
 import shutil
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from catalog.errors import FailedError, PlanetposeError
 from flows.chain import Chain
-from flows.profile import CORRECTIONS
-from flows.request import UNIFORM, Request
+from flows.request import Request
 from tasks.atomic import folder_put_in_place
+from tasks.correcting import Known
+from tasks.diagnose.judging import MAP
+from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
 from tasks.record import RECORD_FILE, read_record
+from tasks.registry import CORRECTIONS, DIAGNOSE, START, VALIDATE
+from tasks.scene_inputs import UNIFORM, SceneFiles
 
 logger = logging.getLogger("planetpose")
 FAILED = ".failed"
-OVERLAY, TRIED = "overlay.png", "tried.json"
-MAP, OTHER = "map-does-not-match", "another-body"
 # Failures that a wrong pose, camera, target or map can have; others tell their cause themselves.
 EXAMINED = (
     "target-not-found",
@@ -34,44 +36,37 @@ EXAMINED = (
 )
 
 
-def diagnose(chain: Chain, error: PlanetposeError, scene: dict[str, Any], basemap: dict[str, Any]) -> PlanetposeError:
-    """The failure with its cause, as far as the step `diagnose` finds one; else as it was."""
+def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFiles) -> PlanetposeError:
+    """The failure with its cause, as far as the step `diagnose` finds one; else as it was. known, files: as the
+    corrections began."""
     if error.code == "interrupted":
         return error
-    request, predicted = chain.request, chain.records["pose"].result["pose"]
-    inputs = scene | {
-        "observation": chain.key("undistort"),
-        "pose": predicted,
-        "product": request.product,
-        "reason": error.reason,
-        "try": error.code in EXAMINED,
-        "settings": request.profile.settings_of("diagnose"),
-    }
-    places = basemap | {"undistort": chain.folder("undistort"), "pose": chain.folder("pose")}
-    found = chain.do("diagnose", "tasks.diagnose.step", inputs, places)["diagnosis"]
-    if found:
-        return FailedError(found["code"], found["fault"], found["remedy"])
-    return error
-
-
-def may_do_without(chain: Chain, error: PlanetposeError, scene: dict[str, Any]) -> bool:
-    """Whether the corrections are worth another try without the map's markings, or without another body."""
-    found = chain.result("diagnose") or {}
-    return bool(found.get("masked")) or (error.code == MAP and scene["basemap"] != UNIFORM)
+    asked = DiagnoseInputs(
+        scene=known.scene,
+        pose=known.predicted,
+        product=chain.request.product,
+        reason=error.reason,
+        try_explanations=error.code in EXAMINED,
+        settings=chain.request.profile.diagnose,
+    )
+    found = chain.do(DIAGNOSE, asked, files).result.diagnosis
+    return FailedError(found.code, found.fault, found.remedy) if found else error
 
 
 def without_cause(
-    chain: Chain, error: PlanetposeError, scene: dict[str, Any], basemap: dict[str, Any]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Scene and places of a body without markings, or of an image with another body masked; what the corrections found
-    before is forgotten."""
-    for name in list(chain.records):
-        if name.partition("-")[0] in (*CORRECTIONS, "validate"):
-            for known in (chain.records, chain.steps):
-                del known[name]
-    if error.code == OTHER:
-        return scene | {"observation": chain.key("diagnose")}, basemap | {"undistort": chain.folder("diagnose")}
-    return scene | {"basemap": dict(UNIFORM)}, basemap | {"basemap": None}
+    chain: Chain, error: PlanetposeError, known: Known, files: SceneFiles
+) -> tuple[Known, SceneFiles] | None:
+    """Scene and files of a body without markings, or of an image with another body masked, to correct once more; what
+    the corrections found before is forgotten. None where the cause is none of these."""
+    found = chain.last(DIAGNOSE)
+    if found is not None and found.result.masked:
+        scene, files = known.scene.model_copy(update={"observation": found.key}), replace(files, image=found.folder)
+    elif error.code == MAP and known.scene.basemap != UNIFORM:
+        scene, files = known.scene.model_copy(update={"basemap": UNIFORM}), replace(files, basemap=None)
+    else:
+        return None
+    chain.forget({START.name, *CORRECTIONS, VALIDATE.name}.__contains__)
+    return replace(known, scene=scene), files
 
 
 def failed_folder(request: Request) -> Path:
@@ -82,15 +77,16 @@ def failed_folder(request: Request) -> Path:
 def leave(chain: Chain) -> Path | None:
     """Put what the step `diagnose` left into the store; its folder, None when the image did not come so far, or nothing
     can be written there."""
-    if "diagnose" not in chain.steps or "diagnose" not in chain.records:
+    found = chain.last(DIAGNOSE)
+    if found is None:
         return None
-    step, folder = chain.steps["diagnose"], failed_folder(chain.request)
-    if read_record(folder, step.key) is not None:
+    folder = failed_folder(chain.request)
+    if read_record(folder, found.key) is not None:
         return folder
     try:
         with folder_put_in_place(folder) as new:
             for name in (OVERLAY, TRIED, RECORD_FILE):
-                shutil.copyfile(step.folder / name, new / name)
+                shutil.copyfile(found.folder / name, new / name)
     except OSError as trouble:  # the image's own fault matters more
         logger.warning("%s was not written: %s", folder, trouble)
         return None

@@ -21,7 +21,6 @@ from flows.request import Request
 from flows.simulate import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
 from tasks.joint.uncertainty import of_the_body, of_the_camera
-from tasks.record import Record
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run
 from tasks.synthetic.assess import Assessment, assess, in_sigmas
@@ -109,10 +108,10 @@ def evaluate_image(job: Job) -> Row:
     def compared(pose: Pose) -> Assessment:
         return assess(pose, truth, camera, target)
 
-    records = {name: record for name, record in replayed(request).records.items() if _ends_with_pose(record)}
     steps = {
-        name: {**compared(Pose.from_dict(record.result["pose"])).to_dict(), "seconds": record.seconds}
-        for name, record in records.items()
+        name: {**compared(done.result.pose).to_dict(), "seconds": done.record.seconds}
+        for name, done in replayed(request).done.items()
+        if "pose" in done.step.kind.changes
     }
     after = compared(Pose.from_dict(result["pose"])) if result["pose"] else None
     reason = result["reason"]
@@ -149,10 +148,6 @@ def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target)
         "range_factor": float(lacking[RANGE]),
         "attitude_deg": profile.joint.systematic.map_frame_deg,
     }
-
-
-def _ends_with_pose(record: Record) -> bool:
-    return isinstance(record.result.get("pose"), dict)
 
 
 def replayed(request: Request) -> Chain:

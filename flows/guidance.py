@@ -5,7 +5,7 @@ from typing import Any
 from catalog.errors import RefusedError
 from catalog.plain_files import read_json_file
 from catalog.plain_text import shown_path
-from catalog.pose import PartialPose
+from catalog.pose import PartialPose, Pose
 from catalog.regular_file import is_folder, is_regular
 from flows.request import Request
 
@@ -24,19 +24,13 @@ def guidance_of(request: Request) -> dict[str, Any]:
     }
 
 
-def overruled_of(frame: dict[str, Any] | None) -> dict[str, Any]:
-    """What the result says of the label that camera or target of the user contradict; `frame` is that of the step
-    `ingest`, None when it did not come so far."""
-    return {"overruled": list((frame or {}).get("overruled", []))}
-
-
 def is_started_elsewhere(request: Request) -> bool:
     """Whether the corrections start from another pose than the predicted one."""
     return request.start_offset_px is not None or request.resume is not None
 
 
-def pose_to_resume(request: Request) -> dict[str, Any] | None:
-    """The pose (plain) that the user wants to start from. Raises RefusedError, naming the file and the fault, when
+def pose_to_resume(request: Request) -> Pose | None:
+    """The pose that the user wants to start from. Raises RefusedError, naming the file and the fault, when
     there is none for this image."""
     path = request.resume
     if path is None:
@@ -50,7 +44,7 @@ def pose_to_resume(request: Request) -> dict[str, Any] | None:
         pose = content.get("pose", content) if isinstance(content, dict) else None
         if not isinstance(pose, dict):
             raise ValueError("it holds no corrected pose")
-        return PartialPose.from_dict(pose).completed().to_dict()
+        return PartialPose.from_dict(pose).completed()
     except OSError as error:
         raise RefusedError("resume-unreadable", f"{path} cannot be read ({error}).", REMEDY) from error
     except (ValueError, RecursionError) as error:

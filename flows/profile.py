@@ -4,9 +4,9 @@ out is as there."""
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
@@ -19,6 +19,7 @@ from tasks.joint import JointSettings
 from tasks.joint.settings import Group
 from tasks.point import PointSettings
 from tasks.range import RangeSettings
+from tasks.registry import CORRECTIONS
 from tasks.roll import RollSettings
 from tasks.simulate import SceneSettings
 from tasks.undistort import UndistortSettings
@@ -27,8 +28,16 @@ from tasks.validate import ValidateSettings
 PROFILE_FOLDER = Path(__file__).parent / "profiles"
 # In a profile file: what it builds on, and the word for no profile, but the defaults that each setting has by itself.
 BASE, BARE = "base", "defaults"
-CorrectionName = Literal["point", "roll", "range", "attitude", "joint"]
-CORRECTIONS: tuple[CorrectionName, ...] = ("point", "roll", "range", "attitude", "joint")
+
+
+def known_correction(name: str) -> str:
+    """The name of a correction. Raises ValueError when there is none of that name."""
+    if name not in CORRECTIONS:
+        raise ValueError(f"there is no correction {name!r}; known are {', '.join(CORRECTIONS)}")
+    return name
+
+
+CorrectionName = Annotated[str, AfterValidator(known_correction), Field(json_schema_extra={"enum": list(CORRECTIONS)})]
 # What a pass does unless the profile says otherwise; the paper's order.
 USUAL: tuple[CorrectionName, ...] = ("point", "range", "attitude")
 # What each correction changes; the joint one can hold any of them.
@@ -138,13 +147,13 @@ class Profile(BaseModel):
         held = set(self.hold)
         return bool(CHANGES[step] & held) if step in CHANGES else held >= set(GROUPS)
 
-    def settings_of(self, step: str, number: int = 1) -> dict[str, Any]:
-        """Settings of one step in pass `number` as plain JSON."""
-        everything = self.resolved()
-        later = everything["later"].get(step) if number > 1 else None
-        settings = dict(later or everything[step])
-        if step == "joint":
-            settings["hold"] = [group for group in GROUPS if group in (*settings["hold"], *self.hold)]
+    def settings_of(self, correction: str, number: int = 1) -> BaseModel:
+        """Settings of a correction in pass `number`. Raises AttributeError when there is no such correction."""
+        later = getattr(self.later, correction) if number > 1 else None
+        settings: BaseModel = later or getattr(self, correction)
+        if isinstance(settings, JointSettings):
+            held = tuple(group for group in GROUPS if group in (*settings.hold, *self.hold))
+            return settings.model_copy(update={"hold": held})
         return settings
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
 from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
-from catalog.camera import CAMERA_FOLDER, find_camera
+from catalog.camera import CAMERA_FOLDER, Camera, find_camera
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
@@ -22,6 +22,7 @@ from catalog.spice import Kernel, list_kernels
 from catalog.target import MAX_SHAPE_BYTES, TARGET_FOLDER, Target, find_target, is_target_file
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
+from tasks.scene_inputs import UNIFORM, BaseMapInputs
 
 LARGEST_BYTES = {
     "image": MAX_FILE_BYTES,
@@ -32,8 +33,6 @@ LARGEST_BYTES = {
     "shape": MAX_SHAPE_BYTES,
     "reseau table": MAX_TEXT_BYTES,
 }
-
-UNIFORM: dict[str, Any] = {"name": "uniform", "sha256": "uniform", "left_edge_deg": 0.0}
 
 
 def _profile_by_name(profile: Any) -> Any:
@@ -128,18 +127,18 @@ def refuse_what_is_no_text(request: Request) -> None:
             raise RefusedError("name-not-text", fault, "Rename the file or folder, or make a link of another name.")
 
 
-def camera_inputs(request: Request) -> Any:
+def camera_inputs(request: Request) -> Camera | str:
     """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
     if request.camera is not None:
-        return find_camera(request.camera).model_dump(mode="json", exclude_unset=True)
+        return find_camera(request.camera)
     return _digest_of_toml(CAMERA_FOLDER)
 
 
-def target_inputs(request: Request) -> str | dict[str, Any] | None:
+def target_inputs(request: Request) -> Target | str | None:
     """The target's name as the user gave it, or what the user's target file says; None leaves it to the label."""
     if request.target is None or not is_target_file(request.target):
         return request.target
-    return find_target(request.target).model_dump(mode="json")
+    return find_target(request.target)
 
 
 def target_names_digest() -> str:
@@ -157,27 +156,20 @@ def kernels_offered(paths: list[Path]) -> list[Kernel]:
     return list_kernels(paths)
 
 
-def kernel_inputs(kernels: list[Kernel]) -> list[list[str]]:
+def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:
     """Name and content hash of kernels."""
-    return [[kernel.path.name, kernel.sha256] for kernel in kernels]
+    return tuple((kernel.path.name, kernel.sha256) for kernel in kernels)
 
 
-def projected_target(request: Request, target: dict[str, Any]) -> dict[str, Any]:
+def projected_target(request: Request, target: Target) -> Target:
     """The target that planes are projected on: with the shape model, if the user gave one."""
-    if request.shape is None:
-        return target
-    return Target.model_validate(target).with_shape(request.shape).model_dump(mode="json")
+    return target if request.shape is None else target.with_shape(request.shape)
 
 
-def basemap_inputs(request: Request, target: dict[str, Any]) -> tuple[dict[str, Any], str | None]:
+def basemap_inputs(request: Request, target: Target) -> tuple[BaseMapInputs, Path | None]:
     """The base map as inputs, and its file (None: a body without a map, or --map none; it is rendered uniform)."""
-    if request.basemap is not None and str(request.basemap) == NO_MAP:
-        return dict(UNIFORM), None
-    if request.basemap is not None:
-        path = request.basemap
-    elif target.get("basemap"):
-        path = packaged_map_path(target["basemap"])
-    else:
-        return dict(UNIFORM), None
+    if str(request.basemap) == NO_MAP or (request.basemap is None and not target.basemap):
+        return UNIFORM, None
+    path = request.basemap or packaged_map_path(str(target.basemap))
     left_edge_deg = request.map_left_edge_deg if request.basemap else 0.0
-    return {"name": path.name, "sha256": digest_of(path, "base map"), "left_edge_deg": left_edge_deg}, str(path)
+    return BaseMapInputs(name=path.name, sha256=digest_of(path, "base map"), left_edge_deg=left_edge_deg), path

@@ -9,12 +9,15 @@ from catalog.errors import PlanetposeError
 from catalog.plain_text import printable, shown_path
 from catalog.settings import ways_out_of
 from flows.chain import Chain
-from flows.diagnosis import OVERLAY, TRIED, leave
-from flows.guidance import guidance_of, overruled_of
+from flows.diagnosis import leave
+from flows.guidance import guidance_of
 from flows.profile import Profile
 from flows.settling import settling
 from flows.verdict import PUBLISHED, doubts
 from tasks.atomic import without_temporaries
+from tasks.diagnose.step import OVERLAY, TRIED
+from tasks.publish.step import stated_of
+from tasks.registry import INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
 
 EMPTY: dict[str, Any] = {
     "product": None,
@@ -78,13 +81,14 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
         "profile": request.profile.name,
         "profile_origin": profile_origin(request.profile),
     }
-    result["guidance"] = guidance_of(request) | overruled_of(chain.result("ingest"))
+    frame = chain.last(INGEST)
+    result["guidance"] = guidance_of(request) | {"overruled": list(frame.result.overruled) if frame else []}
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
-    if "publish" in chain.records:
+    if PUBLISH.name in chain.done:
         result |= corrected(chain)
     elif isinstance(error, PlanetposeError) and (folder := leave(chain)):
         result |= {"overlay": f"{folder}/{OVERLAY}", "tried": f"{folder}/{TRIED}"}
-    seconds = {name: record.seconds for name, record in chain.records.items()}
+    seconds = {name: done.record.seconds for name, done in chain.done.items()}
     return result | {"seconds": seconds, "cached": list(chain.cached)}
 
 
@@ -121,43 +125,32 @@ def file_trouble(error: OSError) -> str:
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:
     """Camera, target, time and source of the pose, as far as the chain came."""
-    frame, pose = chain.result("ingest"), chain.result("pose")
+    frame, predicted = chain.last(INGEST), chain.last(POSE)
     known: dict[str, Any] = {}
     if frame:
-        known |= {"warnings": frame.get("warnings", [])}
-        known |= {"camera": frame["camera"]["name"], "target": frame["target_name"]}
-    if pose:
-        known |= {"target": pose["target"]["name"], "utc": pose["pose"]["utc"], "pose_source": pose["source"]}
+        known |= {"warnings": list(frame.result.warnings)}
+        known |= {"camera": frame.result.camera.name, "target": frame.result.target_name}
+    if predicted:
+        found = predicted.result
+        known |= {"target": found.target.name, "utc": found.pose.to_dict()["utc"], "pose_source": found.source}
     return known
 
 
 def corrected(chain: Chain) -> dict[str, Any]:
     """What the published product says."""
-    published, report = chain.records["publish"].result, chain.records["validate"].result
-    folder = product_place(chain)
-    return published["correction"] | {
-        "orientation": orientation_of(report),
-        "limb_rms_px": report["limb"]["rms_px"],
-        "limb_points": report["limb"]["points"],
-        "limb_robust_px": report["limb"]["robust_px"],
-        "limb_disagreeing": report["limb"]["disagreeing"],
-        "similarity": report["similarity"],
-        "cube": f"{folder}/{published['cube']}",
-        "overlay": f"{folder}/{published['overlay']}",
-    }
+    published, report = chain.last(PUBLISH), chain.last(VALIDATE)
+    if published is None or report is None:
+        return {}
+    product, folder = published.result, product_place(chain, published.folder)
+    names = {"cube": f"{folder}/{product.cube}", "overlay": f"{folder}/{product.overlay}"}
+    return product.correction | stated_of(report.result) | names
 
 
-def orientation_of(report: dict[str, Any]) -> dict[str, Any]:
-    """What bears the orientation out, in the result's words."""
-    told = report["orientation"]
-    return {"markings": told["verdict"], "sigmas": told["sigmas"], "kept": told["kept"]}
-
-
-def product_place(chain: Chain) -> str:
+def product_place(chain: Chain, folder: Path) -> str:
     """Folder of the product, or its URL once it is in an object store."""
-    if "upload" in chain.records:
+    if chain.last(UPLOAD):
         return f"{chain.request.publish_to}/{chain.request.product}"
-    return chain.folder("publish")
+    return str(folder)
 
 
 def exit_status(results: list[dict[str, Any]]) -> int:

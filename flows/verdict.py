@@ -1,7 +1,6 @@
 """What is believed of a corrected pose: refused outright, doubted, or taken."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -10,8 +9,12 @@ from catalog.pose import Pose
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
 from flows.profile import AcceptSettings
+from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, VALIDATE
+from tasks.validate.limb import LimbFigures
+from tasks.validate.step import ValidateResult
 
 BEHIND = "target-behind-camera"
+DOUBTING = (*CORRECTIONS, DIAGNOSE.name)
 SUN_SIGMAS = 4.0
 BEHIND_REMEDY = (
     "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km."
@@ -19,10 +22,10 @@ BEHIND_REMEDY = (
 PUBLISHED = ("ok", "doubtful")
 
 
-def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
+def believe(accept: AcceptSettings, report: ValidateResult) -> None:
     """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
-    limb = report["limb"]
-    points, likeness = limb["points"], limb["likeness"]
+    limb = report.limb
+    points, likeness = limb.points, limb.likeness
     if likeness < accept.min_likeness:
         raise FailedError(
             "image-unlike-simulation",
@@ -30,9 +33,9 @@ def believe(accept: AcceptSettings, report: dict[str, Any]) -> None:
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if limb["robust_px"] is None and accept.require_limb:
+    if limb.robust_px is None and accept.require_limb:
         measured = f"only {points} segments of the lit limb could be measured"
-        if limb["tried"] == 0:
+        if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
         raise FailedError(
             "limb-not-measured",
@@ -52,29 +55,28 @@ def doubts(chain: Chain) -> list[str]:
 
     A correction doubts by a text under `doubt` in its evidence; only the last one of a kind is asked.
     """
-    last = {name.partition("-")[0]: record.result for name, record in chain.records.items()}
-    superseded = {"attitude"} if is_about_orientation(last) else set()
-    found = [result.get("evidence", {}).get("doubt") for kind, result in last.items() if kind not in superseded]
-    accept = chain.request.profile.accept
-    if "validate" in last:
-        report = last["validate"]
+    last = {done.step.kind.name: done.result for done in chain.done.values()}
+    judged, accept = chain.last(VALIDATE), chain.request.profile.accept
+    superseded = {ATTITUDE.name} if judged and is_about_orientation(judged.result) else set()
+    found = [result.doubt for name, result in last.items() if name in DOUBTING and name not in superseded]
+    if judged:
+        report = judged.result
         found += [doubtful_likeness(accept, report), doubtful_limb(accept, report)]
-        found += [doubtful_sun(accept, report), report.get("doubt")]
+        found += [doubtful_sun(accept, report), report.doubt]
     found = [doubt for doubt in found if doubt]
-    if found and "validate" in last and (blurred := doubtful_blur(accept, last["validate"])):
+    if found and judged and (blurred := doubtful_blur(accept, judged.result)):
         found.insert(0, blurred)
     return found
 
 
-def is_about_orientation(last: Mapping[str, Any]) -> bool:
+def is_about_orientation(report: ValidateResult) -> bool:
     """Whether the product's own orientation was judged: what the flow found of an earlier one is then out of date."""
-    orientation = last.get("validate", {}).get("orientation") or {}
-    return orientation.get("verdict") in ("matched", "mismatched")
+    return report.orientation.verdict in ("matched", "mismatched")
 
 
-def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+def doubtful_likeness(accept: AcceptSettings, report: ValidateResult) -> str | None:
     """The doubt that a poor likeness of image and simulation raises."""
-    likeness = report["limb"]["likeness"]
+    likeness = report.limb.likeness
     if likeness >= accept.sure_likeness:
         return None
     return (
@@ -83,40 +85,41 @@ def doubtful_likeness(accept: AcceptSettings, report: dict[str, Any]) -> str | N
     )
 
 
-def doubtful_limb(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+def doubtful_limb(accept: AcceptSettings, report: ValidateResult) -> str | None:
     """The doubt that a limb raises which lies elsewhere in the image than the corrected pose has it."""
-    if not is_off(accept, report["limb"], accept.sure_limb_rms_px):
+    if not is_off(accept, report.limb, accept.sure_limb_rms_px):
         return None
     return (
-        f"limb-disagrees: markings and brightness put the limb {off_in_words(report['limb'])} from where the image "
+        f"limb-disagrees: markings and brightness put the limb {off_in_words(report.limb)} from where the image "
         f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
         "trusts the limb alone."
     )
 
 
-def doubtful_sun(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+def doubtful_sun(accept: AcceptSettings, report: ValidateResult) -> str | None:
     """The doubt that a terminator and a shading raise which are not those of the metadata's Sun."""
-    sun = report.get("sun") or {}
-    if sun.get("across_deg") is None:
+    sun = report.sun
+    if sun.across_deg is None or sun.phase_deg is None:
         return None
-
-    def contradicts(name: str, least_deg: float | None) -> bool:
-        off_deg = abs(sun[f"{name}_deg"])
-        return least_deg is not None and off_deg > max(least_deg, SUN_SIGMAS * sun[f"{name}_sigma_deg"])
-
-    if not contradicts("across", accept.sun_across_deg) and not contradicts("phase", accept.sun_phase_deg):
+    across = contradicts(sun.across_deg, sun.across_sigma_deg, accept.sun_across_deg)
+    if not across and not contradicts(sun.phase_deg, sun.phase_sigma_deg, accept.sun_phase_deg):
         return None
     return (
-        f"sun-direction-disagrees: shading and terminator put the Sun {sun['azimuth_deg']:+.0f} deg (1-sigma "
-        f"{sun['azimuth_sigma_deg']:.1f}) about the line of sight, from +x towards +y, and {sun['phase_deg']:+.0f} deg "
-        f"({sun['phase_sigma_deg']:.1f}) of phase from where the metadata have it. Check sun_from_target_km, the "
+        f"sun-direction-disagrees: shading and terminator put the Sun {sun.azimuth_deg:+.0f} deg (1-sigma "
+        f"{sun.azimuth_sigma_deg:.1f}) about the line of sight, from +x towards +y, and {sun.phase_deg:+.0f} deg "
+        f"({sun.phase_sigma_deg:.1f}) of phase from where the metadata have it. Check sun_from_target_km, the "
         "camera's roll, and whether the picture is flipped."
     )
 
 
-def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+def contradicts(off_deg: float, sigma_deg: float | None, least_deg: float | None) -> bool:
+    """Whether the Sun is off by more than `least_deg` and by more than its error allows."""
+    return least_deg is not None and abs(off_deg) > max(least_deg, SUN_SIGMAS * (sigma_deg or 0.0))
+
+
+def doubtful_blur(accept: AcceptSettings, report: ValidateResult) -> str | None:
     """What a blur explains of other doubts: alone it is none, for a camera file may have a sharper one."""
-    blur = report["limb"].get("blur")
+    blur = report.limb.blur
     if blur is None or blur <= accept.sure_blur:
         return None
     return (
@@ -125,50 +128,50 @@ def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     )
 
 
-def is_off(accept: AcceptSettings, limb: dict[str, Any], limit_px: float | None) -> bool:
+def is_off(accept: AcceptSettings, limb: LimbFigures, limit_px: float | None) -> bool:
     """Whether the limb as a whole lies farther off than `limit_px`, or more than accept.limb_share of it so far off
     that all of it together does."""
-    if limit_px is None or limb["robust_px"] is None:
+    if limit_px is None or limb.robust_px is None:
         return False
-    on_an_arc = limb["disagreeing"] > accept.limb_share and limb["normal_rms_px"] > limit_px
-    return bool(limb["robust_px"] > limit_px or on_an_arc)
+    on_an_arc = (limb.disagreeing or 0.0) > accept.limb_share and (limb.normal_rms_px or 0.0) > limit_px
+    return bool(limb.robust_px > limit_px or on_an_arc)
 
 
-def off_in_words(limb: dict[str, Any]) -> str:
+def off_in_words(limb: LimbFigures) -> str:
     """How far off a limb is."""
-    return f"{limb['robust_px']:.2f} px (robust RMS; {limb['disagreeing']:.0%} of its segments disagree)"
+    return f"{limb.robust_px:.2f} px (robust RMS; {limb.disagreeing:.0%} of its segments disagree)"
 
 
-def explained(error: PlanetposeError, predicted: dict[str, Any]) -> PlanetposeError:
-    """The failure of a correction; when the predicted pose (plain) has the target behind the camera, with that as the
+def explained(error: PlanetposeError, predicted: Pose) -> PlanetposeError:
+    """The failure of a correction; when the predicted pose has the target behind the camera, with that as the
     reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
     if error.code in (BEHIND, "interrupted") or not is_behind(predicted):
         return error
     return type(error)(BEHIND, f"{behind(predicted)}; with the camera turned to it, {error.fault}", BEHIND_REMEDY)
 
 
-def refuse_doubtful_behind(predicted: dict[str, Any], doubts: list[str]) -> None:
-    """Raise FailedError where something speaks against a corrected pose whose predicted one (plain) looks away from the
+def refuse_doubtful_behind(predicted: Pose, doubts: list[str]) -> None:
+    """Raise FailedError where something speaks against a corrected pose whose predicted one looks away from the
     target: nothing then tells which way up the camera was."""
     if doubts and is_behind(predicted):
         told = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
         raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {told}.", BEHIND_REMEDY)
 
 
-def is_behind(predicted: dict[str, Any]) -> bool:
-    """Whether a predicted pose (plain) has the target behind the camera."""
-    return bool(Pose.from_dict(predicted).target_in_camera_km[2] <= 0)
+def is_behind(predicted: Pose) -> bool:
+    """Whether a predicted pose has the target behind the camera."""
+    return bool(predicted.target_in_camera_km[2] <= 0)
 
 
-def behind(predicted: dict[str, Any]) -> str:
-    """How far behind the camera a predicted pose (plain) has the target, in words."""
-    pose = Pose.from_dict(predicted)
-    off_deg = float(np.degrees(np.arccos(np.clip(pose.target_in_camera_km[2] / pose.range_km, -1, 1))))
+def behind(predicted: Pose) -> str:
+    """How far behind the camera a predicted pose has the target, in words."""
+    along = predicted.target_in_camera_km[2] / predicted.range_km
+    off_deg = float(np.degrees(np.arccos(np.clip(along, -1, 1))))
     return f"the predicted pose has the target behind the camera, {off_deg:.0f} deg from its boresight"
 
 
-def reminded(error: PlanetposeError, overruled: list[str]) -> PlanetposeError:
+def reminded(error: PlanetposeError, overruled: Sequence[str]) -> PlanetposeError:
     """The failure of an image whose label says otherwise than the user: what fails then mostly misleads."""
     if not overruled or error.code == "interrupted":
         return error
-    return type(error)(error.code, error.fault, f"{reminder(overruled)}{error.remedy}".strip())
+    return type(error)(error.code, error.fault, f"{reminder(list(overruled))}{error.remedy}".strip())

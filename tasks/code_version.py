@@ -1,61 +1,118 @@
-"""The version of a step's code is the hash of its source and of everything in this project that it imports.
+"""The version of a step's code: a hash of every module that the step's module imports from this project, however deep.
 
-Nobody has to remember to raise a number, so a changed formula can never be answered from an old result. The price:
-a changed comment in a step redoes that step once.
+Modules count by their syntax trees without comments, docstrings, type-checking imports and the wording of errors and
+log lines (see `tasks.source_code`), so that editing those redoes nothing, and editing anything else redoes every step
+that reaches it. Data files (cameras, targets, maps, reseau tables) do not count: they enter a step's key by content.
 """
 
 import hashlib
-import re
+import json
+from collections.abc import Collection
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
-ROOMS_FOLDER = "tasks"
-_FROM = re.compile(r"^\s*from\s+((?:catalog|tasks)[\w.]*)\s+import\s+\(?([\w\s,]+)", re.MULTILINE)
-_IMPORT = re.compile(r"^\s*import\s+((?:catalog|tasks)[\w.]*)", re.MULTILINE)
+from catalog.regular_file import read_regular_text
+from catalog.settings import PROJECT_ROOT, cache_folder
+from tasks.atomic import file_put_in_place
+from tasks.source_code import ModuleSource, read_source
+
+PACKAGES = ("catalog", "tasks", "flows")
+KNOWN_SOURCES = "code/sources.json"
 
 
 @cache
-def code_version(module: str) -> str:
-    """Sixteen hex digits for the source of `module` and of all it imports from this project, however deep.
+def code_version(module: str, without: Collection[str] = frozenset()) -> str:
+    """Sixteen hex digits for the code of `module` and of all that it imports from this project.
 
-    A room (`tasks/point`) counts as a whole, because its bricks are chosen by name while running; catalog modules
-    count one by one, and data files (cameras, targets, maps, reseau tables) not at all: they enter a step's key by
-    their content, as inputs.
+    without: modules that are not followed, nor counted. Raises LookupError when there is no such module.
     """
+    sources = project_sources()
     digest = hashlib.sha256()
-    for path in sorted(_reached_from(module)):
-        digest.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
+    for name in sorted(sources.reached_from(module, without)):
+        digest.update(f"{name}\0{sources.of(name).digest}\0".encode())
     return digest.hexdigest()[:16]
 
 
-def _reached_from(module: str) -> set[Path]:
-    """Source files that `module` reaches by imports, itself included."""
-    reached: set[Path] = set()
-    waiting = [module]
-    while waiting:
-        new = _sources(waiting.pop()) - reached
-        reached |= new
-        waiting += [name for path in new for name in _imports(path)]
-    return reached
+class Sources:
+    """The modules of a project below `root`. known: what earlier processes found of files by the hash of their bytes;
+    a file not among them is parsed."""
+
+    def __init__(self, root: Path, known: dict[str, ModuleSource] | None = None) -> None:
+        self.root = root
+        self.known = known if known is not None else {}
+        self.new: dict[str, ModuleSource] = {}
+        self._of: dict[str, ModuleSource] = {}
+        self._paths: dict[str, Path | None] = {}
+
+    def of(self, module: str) -> ModuleSource:
+        """What is known of one module's source. Raises LookupError when there is no such module."""
+        if module not in self._of:
+            path = self.path_of(module)
+            if path is None:
+                raise LookupError(f"there is no module {module} below {self.root}")
+            content = path.read_bytes()
+            key = hashlib.sha256(module.encode() + b"\0" + content).hexdigest()
+            if key not in self.known:
+                package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+                self.known[key] = self.new[key] = read_source(content, package)
+            self._of[module] = self.known[key]
+        return self._of[module]
+
+    def path_of(self, module: str) -> Path | None:
+        """File of a module or package; None when there is none, or it is none of this project's."""
+        if module not in self._paths:
+            parts = module.split(".")
+            plain = self.root.joinpath(*parts)
+            candidates = (plain / "__init__.py", plain.with_suffix(".py")) if parts[0] in PACKAGES else ()
+            self._paths[module] = next((path for path in candidates if path.is_file()), None)
+        return self._paths[module]
+
+    def imports_of(self, module: str) -> set[str]:
+        """Modules of this project that one imports itself: `from a import b` is a.b where that is a module, else a."""
+        found: set[str] = set()
+        for name, member in self.of(module).imports:
+            candidates = (f"{name}.{member}", name) if member else (name,)
+            found.update(candidate for candidate in candidates[:1] if self.path_of(candidate))
+            if not (member and self.path_of(candidates[0])) and self.path_of(name):
+                found.add(name)
+        return found
+
+    def reached_from(self, module: str, without: Collection[str] = frozenset()) -> set[str]:
+        """Modules that `module` imports however deep, itself included."""
+        reached: set[str] = set()
+        waiting = {module}
+        while waiting:
+            name = waiting.pop()
+            reached.add(name)
+            waiting |= self.imports_of(name) - reached - set(without)
+        return reached
 
 
 @cache
-def _sources(module: str) -> frozenset[Path]:
-    """Files that an import of `module` stands for."""
-    parts = module.split(".")
-    if parts[0] == ROOMS_FOLDER and len(parts) > 1 and (ROOT / ROOMS_FOLDER / parts[1]).is_dir():
-        return frozenset((ROOT / ROOMS_FOLDER / parts[1]).rglob("*.py"))
-    path = ROOT.joinpath(*parts)
-    candidates = (path.with_suffix(".py"), path / "__init__.py")
-    return frozenset(candidate for candidate in candidates if candidate.is_file())
+def project_sources() -> Sources:
+    """The sources of this installation, with what earlier processes found of them."""
+    return Sources(PROJECT_ROOT, _read_known())
 
 
-@cache
-def _imports(path: Path) -> tuple[str, ...]:
-    """Names that may be modules of this project: what is imported, and for `from a import b` also `a.b`."""
-    text = path.read_text(encoding="utf-8")
-    names = _IMPORT.findall(text)
-    for module, members in _FROM.findall(text):
-        names += [module, *(f"{module}.{member}" for member in re.findall(r"\w+", members))]
-    return tuple(names)
+def keep_known_sources() -> None:
+    """Write what was found of new sources into the cache, where that can be written: parsing all takes a second."""
+    sources = project_sources()
+    if not sources.new:
+        return
+    used = {key: source.to_json() for key, source in (_read_known() | sources.known).items()}
+    path = cache_folder() / KNOWN_SOURCES
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with file_put_in_place(path) as temporary:
+            temporary.write_text(json.dumps(used), encoding="utf-8")
+        sources.new.clear()
+
+
+def _read_known() -> dict[str, ModuleSource]:
+    """What earlier processes wrote; nothing where that is missing or damaged."""
+    try:
+        content = json.loads(read_regular_text(cache_folder() / KNOWN_SOURCES))
+        return {str(key): ModuleSource.from_json(value) for key, value in content.items()}
+    except (OSError, ValueError, TypeError, LookupError, AttributeError):
+        return {}

@@ -1,32 +1,96 @@
-"""The body that point, range and attitude share: load, correct, keep the Correction as plain values."""
+"""What the corrections share: what they are given, and their result as a record keeps it."""
 
-from collections.abc import Callable
-from typing import Any
+from dataclasses import dataclass, fields
+from typing import Any, Self
 
-from catalog.observation import Observation
+from pydantic import BaseModel, Field
+
 from catalog.pose import Pose
-from tasks.correction import Correction
-from tasks.plain import plain
-from tasks.simulate import Scene
-from tasks.stored import load_observation, pose_in, scene_of
-from tasks.work import Progress, Work
-
-Corrector = Callable[[Observation, Pose, Scene, Any, Progress], Correction]
+from tasks.correction import FORMAL, Correction
+from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
+from tasks.scene_inputs import SceneFiles, SceneInputs
+from tasks.step import StepType
 
 
-def run_correction(work: Work, corrector: Corrector, settings: Any) -> dict[str, Any]:
-    """Apply `corrector` to the observation and pose that the work names."""
-    observation = load_observation(work.place("undistort"))
-    pose = pose_in(work.place("pose"))
-    return plain_correction(corrector(observation, pose, scene_of(work), settings, work.progress))
+@dataclass(frozen=True)
+class Known:
+    """All that is known of an image before a correction; each takes what its inputs name.
+
+    pose: what the steps so far ended with; predicted: the metadata's, pose_sources: where its parts come from.
+    attitude_prior_deg: 1-sigma of the predicted orientation, None where nothing is known of it. search_frame: whether
+    the target may be anywhere in the frame. markings_match: False where an attitude step found markings in the image
+    that are not the map's. image_moved: whether the image was displaced by what the disk told of its distortion.
+    """
+
+    scene: SceneInputs
+    pose: Pose
+    predicted: Pose
+    pose_sources: dict[str, str]
+    attitude_prior_deg: float | None
+    search_frame: bool = True
+    markings_match: bool = True
+    image_moved: bool = False
 
 
-def plain_correction(correction: Correction) -> dict[str, Any]:
-    """A Correction as plain JSON values, its pose as in a pose file."""
-    return {
-        "pose": correction.pose.to_dict(),
-        "changed": plain(correction.changed),
-        "uncertainty": plain(correction.uncertainty),
-        "evidence": plain(correction.evidence),
-        "converged": correction.converged,
-    }
+class CorrectionInputs(Content):
+    """Base of a correction's inputs: fields of `Known`, and `settings`, whose model each correction names."""
+
+    scene: SceneInputs
+    pose: PoseField
+
+    @classmethod
+    def of(cls, known: Known, settings: BaseModel) -> Self:
+        """The inputs of a correction with `settings`."""
+        named = {each.name for each in fields(known)} & set(cls.model_fields)
+        return cls.model_validate({"settings": settings, **{name: getattr(known, name) for name in named}})
+
+
+class CorrectionResult(Content):
+    """A Correction, see there, as a record keeps it. image_moved: the step also left a better image, which belongs to
+    its pose, in its folder. markings_match: whether the markings in the image are the map's; None where the step
+    did not look."""
+
+    pose: PoseField
+    changed: PlainAmounts
+    uncertainty: PlainAmounts = Field(default_factory=dict)
+    evidence: PlainJson = Field(default_factory=dict)
+    converged: bool = True
+    image_moved: bool = False
+    markings_match: bool | None = None
+
+    @property
+    def doubt(self) -> str | None:
+        """Why the correction is doubtful, as `code: fault. Remedy.`; None when nothing speaks against it."""
+        return self.evidence.get("doubt") or None
+
+    @property
+    def formal(self) -> Amounts:
+        """1-sigma by the scatter of the residuals alone, or what is stated where nobody told that."""
+        formal: Json | None = self.evidence.get(FORMAL)
+        return formal or self.uncertainty
+
+    def told(self) -> Json:
+        """What a product says of it: all but the pose, as plain JSON."""
+        return self.model_dump(mode="json", exclude={"pose"})
+
+
+CorrectionStep = StepType[Any, SceneFiles, CorrectionResult]
+
+
+def correction_inputs(step: CorrectionStep, known: Known, settings: BaseModel) -> CorrectionInputs:
+    """What a correction is given of all that is known."""
+    model: type[CorrectionInputs] = step.inputs
+    return model.of(known, settings)
+
+
+def recorded(correction: Correction, image_moved: bool = False, markings_match: bool | None = None) -> CorrectionResult:
+    """A Correction as its record keeps it."""
+    return CorrectionResult(
+        pose=correction.pose,
+        changed=correction.changed,
+        uncertainty=correction.uncertainty,
+        evidence=correction.evidence,
+        converged=correction.converged,
+        image_moved=image_moved,
+        markings_match=markings_match,
+    )

@@ -5,9 +5,6 @@ from typing import Any
 
 from catalog.pose import Pose
 
-# In the result of a step that also leaves a better image, which belongs to its pose, in its folder.
-IMAGE_MOVED = "image_moved"
-
 # In a correction's evidence: 1-sigma by the scatter of residuals alone, under the keys of `changed`. It tells when
 # iterating is of no use any more; what is stated as uncertainty holds all errors, or is None where they are not known.
 FORMAL = "formal"

@@ -1,62 +1,116 @@
 """A cached step: what it is, how its key is made, and how it is run.
 
-The key depends on inputs only, never on the step's result, so it is known before any work; the record on disk is the
-only truth about what is done. Nothing here knows Prefect: `tasks.prefect_task` runs the same step as a task.
+The key depends on inputs and code only, never on the step's own result, so it is known before any work; the record on
+disk is the only truth about what is done. Nothing here knows Prefect: `tasks.prefect_task` runs a step as a task.
 """
 
 import time
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, Literal, TypeVar, get_type_hints
+
+from pydantic import BaseModel
 
 from catalog.digest import refuse_changed, sha256_of_json
 from catalog.times import now_utc
 from tasks.atomic import folder_put_in_place
 from tasks.code_version import code_version
+from tasks.fields import Content, Json
 from tasks.record import Record, read_record, write_record
 from tasks.work import Progress, Work
 
+I = TypeVar("I", bound=Content)  # noqa: E741 - inputs
+F = TypeVar("F")
+R = TypeVar("R", bound=Content)
+Changed = Literal["pose", "image"]
+
 
 @dataclass(frozen=True)
-class Step:
-    """One step of one image.
+class StepType(Generic[I, F, R]):
+    """One kind of step, as `tasks.registry` lists it.
 
-    name: unique in the chain (`point-2`). body: module whose `run(work: Work) -> dict` does it and returns plain JSON.
-    inputs: plain JSON, all that the result depends on. places: paths, not part of the key. destination: None, or the
-    folder that the step publishes (it then is the step's folder, instead of one in the cache). files: path and digest
-    of files that the body reads, whose content is part of `inputs`.
+    name: also of its folder in the cache, and of its table in a profile. body: does the step; its annotations are the
+    types of inputs (all that the result depends on), files (paths, no part of the key) and result. result: the type
+    that its record is read as. settings: the model of its table in a profile. changes: what later steps get in place of
+    what was there before. schema_version: of the result; another one is another key. find_record: asks for the finished
+    step elsewhere than in its folder. check_place: raises RefusedError when what is at the step's place may not be
+    replaced.
     """
 
     name: str
-    body: str
-    product: str
-    cache: Path
-    inputs: dict[str, Any] = field(default_factory=dict)
-    places: dict[str, Any] = field(default_factory=dict)
-    destination: Path | None = None
-    files: tuple[tuple[Path, str], ...] = ()
+    body: Callable[[I, F, Work], R]
+    result: type[R]
+    settings: type[BaseModel] | None = None
+    changes: frozenset[Changed] = frozenset()
+    schema_version: int = 1
+    find_record: "Callable[[Step[I, F, R]], Record | None] | None" = None
+    check_place: "Callable[[Step[I, F, R]], None] | None" = None
+
+    @property
+    def inputs(self) -> type[I]:
+        """Model of its inputs."""
+        found: type[I] = get_type_hints(self.body)["inputs"]
+        return found
+
+    @property
+    def module(self) -> str:
+        """Name of the module that holds the body."""
+        return self.body.__module__
 
     @property
     def code(self) -> str:
         """Version of the code that the step runs."""
-        return code_version(self.body)
+        return code_version(self.module)
+
+    @property
+    def summary(self) -> str:
+        """What it does, in one sentence: the first of its body's documentation."""
+        return (self.body.__doc__ or "").strip().partition("\n\n")[0]
+
+
+@dataclass(frozen=True)
+class Step(Generic[I, F, R]):
+    """One step of one image.
+
+    name: unique in the chain (`point-2`). destination: None, or the folder that the step publishes (it then is the
+    step's folder, instead of one in the cache). watched: path and digest of files that the body reads, whose content is
+    part of `inputs`.
+    """
+
+    kind: StepType[I, F, R]
+    name: str
+    product: str
+    cache: Path
+    inputs: I
+    files: F
+    destination: Path | None = None
+    watched: tuple[tuple[Path, str], ...] = ()
+
+    @property
+    def code(self) -> str:
+        """Version of the code that the step runs."""
+        return self.kind.code
+
+    @cached_property
+    def plain_inputs(self) -> Json:
+        """The inputs as plain JSON."""
+        return self.inputs.model_dump(mode="json")
 
     @cached_property
     def key(self) -> str:
-        """Hex digest of everything the result depends on. Raises TypeError when an input is not plain JSON."""
-        return sha256_of_json({"step": self.body, "code": self.code, "inputs": self.inputs})
-
-    @property
-    def kind(self) -> str:
-        """The step's name without its pass: `point` of `point-2`."""
-        return self.name.partition("-")[0]
+        """Hex digest of everything the result depends on. Raises TypeError or ValueError when an input is not plain,
+        finite JSON."""
+        schema = self.kind.schema_version
+        return sha256_of_json(
+            {"step": self.kind.name, "schema": schema, "code": self.code, "inputs": self.plain_inputs}
+        )
 
     @property
     def cached_at(self) -> Path:
         """The key's folder in the cache."""
-        return self.cache / self.kind / self.key[:2] / self.key
+        return self.cache / self.kind.name / self.key[:2] / self.key
 
     @property
     def folder(self) -> Path:
@@ -65,18 +119,24 @@ class Step:
 
     def record(self) -> Record | None:
         """The finished step's record, or None."""
-        return read_record(self.folder, self.key)
-
-    def check_place(self) -> None:
-        """Raises RefusedError when what is at the step's place now may not be replaced."""
+        return self.kind.find_record(self) if self.kind.find_record else read_record(self.folder, self.key)
 
     def is_done(self) -> bool:
-        """Whether what is at the step's place now is the finished step. Raises RefusedError as `check_place`."""
-        self.check_place()
+        """Whether what is at the step's place now is the finished step. Raises RefusedError when it may not be
+        replaced."""
+        if self.kind.check_place:
+            self.kind.check_place(self)
         return self.record() is not None
 
+    def result_in(self, record: Record) -> R:
+        """The result that a record of this step holds."""
+        return self.kind.result.model_validate(record.result)
 
-def run(step: Step, progress: Progress) -> Record:
+
+AnyStep = Step[Any, Any, Any]
+
+
+def run(step: AnyStep, progress: Progress) -> Record:
     """The step's record; runs its body only when there is none. Raises what the body raises, leaving nothing behind,
     and RefusedError when one of the step's files changed meanwhile: the result would be kept under the old content."""
     finished = step.record()
@@ -86,10 +146,10 @@ def run(step: Step, progress: Progress) -> Record:
     # Who comes second with the same key throws his own away: both hold the same result.
     with folder_put_in_place(step.folder, keep=step.is_done) as folder:
         started = time.perf_counter()
-        result = import_module(step.body).run(Work(step.inputs, step.places, folder, progress))
-        for path, digest in step.files:
+        result = step.kind.body(step.inputs, step.files, Work(folder, progress)).model_dump(mode="json")
+        for path, digest in step.watched:
             refuse_changed(path, digest, "file")
         seconds = round(time.perf_counter() - started, 4)
-        record = Record(step.name, step.key, step.code, step.inputs, result, seconds, now_utc())
+        record = Record(step.name, step.key, step.code, step.plain_inputs, result, seconds, now_utc())
         write_record(folder, record)
     return step.record() or record

@@ -23,7 +23,7 @@ from flows.verdict import PUBLISHED
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.index import open_index
 from tasks.record import Record
-from tasks.step import Step, run
+from tasks.step import AnyStep, run
 from tasks.work import Progress
 
 GOOD = 2
@@ -107,9 +107,9 @@ def corrected(requests: list[Request], place: int, spoilt: Spoilt, took: dict[in
     """Results of the requests as the command `correct` tells them; `took` gets the seconds of each that needs work."""
     told: list[Result] = []
 
-    def run_step(position: int, step: Step, progress: Progress) -> Record:
+    def run_step(position: int, step: AnyStep, progress: Progress) -> Record:
         if position == place:
-            spoilt.meanwhile(step.kind)
+            spoilt.meanwhile(step.kind.name)
         return run(step, progress)
 
     def without_prefect(rest: list[Request], ordered: InOrder, positions: list[int]) -> None:

@@ -8,12 +8,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from catalog.digest import sha256_of_file, sha256_of_json
 from flows.honesty.scene import Scene
 from flows.honesty.table import all_scenes
 from flows.profile import Profile
+
+if TYPE_CHECKING:
+    from flows.chain import Chain
 
 Row = dict[str, Any]
 ROOT = Path(__file__).resolve().parents[2]
@@ -196,7 +199,7 @@ def run_scene(job: Job) -> Row:
         "scene": job.scene.to_dict(),
         "truth": truth,
         "result": {name: result[name] for name in KEPT},
-        "covariance": covariance_of(replayed(request).records),
+        "covariance": covariance_of(replayed(request)),
         "cpu_s": {"render": rendered - started, "correct": corrected - loaded},
     }
     if not job.keep:
@@ -204,7 +207,7 @@ def run_scene(job: Job) -> Row:
     return json.loads(json.dumps(row))
 
 
-def covariance_of(records: dict[str, Any]) -> Any:
+def covariance_of(chain: "Chain") -> Any:
     """The covariance that the last step which tells one has in its evidence."""
-    told = [record.result.get("evidence", {}).get("covariance") for record in records.values()]
+    told = [done.record.result.get("evidence", {}).get("covariance") for done in chain.done.values()]
     return next((matrix for matrix in reversed(told) if matrix is not None), None)

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flows.diagnosis import FAILED
-from flows.image import STEP_KINDS
 from flows.reprocessing.claims import sweep_claims
 from flows.reprocessing.outcomes import IMAGES
 from flows.reprocessing.settings import BOOKS
 from flows.reprocessing.tally import RUNS
 from tasks.atomic import sweep_temporaries
 from tasks.record import RECORD_FILE, size_bytes
+from tasks.registry import STEP_NAMES
 
 IN_USE_S = 6 * 3600.0  # steps younger than this may belong to an image at work somewhere
 
@@ -39,7 +39,7 @@ def sweep_cache(cache: Path) -> None:
 def key_folders(cache: Path) -> Iterator[Path]:
     """The folders that results of steps lie in, by the first digits of their keys; links are not followed: what they
     lead to may be somebody else's."""
-    for kind in STEP_KINDS:
+    for kind in STEP_NAMES:
         if not (cache / kind).is_symlink():
             yield from (each for each in (cache / kind).glob("[0-9a-f][0-9a-f]") if not each.is_symlink())
 

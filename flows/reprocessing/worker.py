@@ -24,7 +24,8 @@ from flows.reprocessing.memory import give_back, peak_mb, reset_peak, resident_m
 from flows.request import Request
 from flows.result import result_of
 from tasks.record import RECORD_FILE, Record
-from tasks.step import Step, run
+from tasks.registry import PUBLISH
+from tasks.step import AnyStep, run
 
 logger = logging.getLogger("planetpose")
 
@@ -100,7 +101,7 @@ def do(request: Request, voice: Voice) -> None:
     voice.say(
         "end",
         result=result,
-        key=chain.key("publish") if "publish" in chain.records else None,
+        key=product.key if (product := chain.last(PUBLISH)) else None,
         passing=error is not None and can_pass(error),
         steps=metrics,
         seconds=round(time.perf_counter() - started, 3),
@@ -114,7 +115,7 @@ def correct(chain: Chain) -> Exception | None:
     return trouble_of(lambda: correct_image(chain), chain.request.product)
 
 
-def measured(step: Step, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Record:
+def measured(step: AnyStep, voice: Voice, metrics: dict[str, dict[str, Any]]) -> Record:
     """Run a step, say so, and note its seconds and peak of memory; a cached one is marked as used."""
 
     def progress(_: str, iteration: int, text: str) -> None:

@@ -1,7 +1,6 @@
 """The cached step: diagnose. Its folder holds what it takes to understand a failed image: overlay and tried.json."""
 
 import json
-from typing import Any
 
 import numpy as np
 
@@ -9,11 +8,14 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
 from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, hidden_by_other, incomplete_frame
+from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
 from tasks.publish.overlay import draw_overlay
+from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.simulate import Scene
-from tasks.stored import load_arrays, load_observation, pose_in, save_arrays, save_observation, scene_of
+from tasks.step import StepType
+from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
 from tasks.undistort.step import DISTORTION
 from tasks.work import Progress, Work
 
@@ -22,46 +24,67 @@ OVERLAY, TRIED = "overlay.png", "tried.json"
 OTHER_FRAME = ("mirrored",)
 
 
-def run(work: Work) -> dict[str, Any]:
-    """What explains the image (see `diagnosis_of`), None where nothing does or nothing was to be tried; and the doubt
-    that a result without the map's markings, or without another body, if there comes to be one, is told with. Where
-    another body was masked, the folder also holds the masked image, for later steps to use."""
-    observation, predicted, scene = (
-        load_observation(work.place("undistort")),
-        pose_in(work.place("pose")),
-        scene_of(work),
-    )
-    settings = DiagnoseSettings.model_validate(work.inputs["settings"])
+class DiagnoseInputs(Content):
+    """What the result depends on. pose: the predicted one. reason: the failure's. try_explanations: whether a wrong
+    pose, camera, target or map can be the cause of it."""
+
+    scene: SceneInputs
+    pose: PoseField
+    product: str
+    reason: str
+    try_explanations: bool
+    settings: DiagnoseSettings
+
+
+class Cause(Content):
+    """Why the image failed, as the failure is told: code, fault and remedy."""
+
+    code: str
+    fault: str
+    remedy: str
+
+
+class DiagnoseResult(Content):
+    """diagnosis: None where nothing explains the image, or nothing was to be tried. masked: whether the step's folder
+    holds an image with another body masked. doubt: what a result without the map's markings, or without another body,
+    is told with, if there comes to be one."""
+
+    diagnosis: Cause | None = None
+    masked: bool = False
+    doubt: str | None = None
+    evidence: PlainJson
+
+
+def run(inputs: DiagnoseInputs, files: SceneFiles, work: Work) -> DiagnoseResult:
+    """The cause of a failure: what explains the image better than the predicted pose does (see `diagnosis_of`)."""
+    observation, predicted, scene = load_observation(files.image), inputs.pose, scene_of(inputs.scene, files)
     found: list[Explanation] = []
     diagnosis: Diagnosis | None = None
-    if work.inputs["try"]:
-        found, diagnosis = examined(observation, predicted, scene, settings, work.progress)
+    if inputs.try_explanations:
+        found, diagnosis = examined(observation, predicted, scene, inputs.settings, work.progress)
     told = [explanation.told(scene) for explanation in found]
     best = pictured(found, diagnosis)
-    title = f"{work.inputs['product']}: {work.inputs['reason'].partition(':')[0]}"
+    title = f"{inputs.product}: {inputs.reason.partition(':')[0]}"
     after = best.pose if best else predicted
     draw_overlay(
         observation.image, predicted, after, scene.camera, scene.target, work.folder / OVERLAY, title, "best limb"
     )
-    content = {"reason": work.inputs["reason"], "predicted": predicted.to_dict(), "explanations": plain(told)}
+    content: Json = {"reason": inputs.reason, "predicted": predicted.to_dict(), "explanations": plain(told)}
     content["best_pose"] = best.pose.to_dict() if best else None
     (work.folder / TRIED).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    evidence: Json = {"tried": told}
     if diagnosis is None:
-        return {"diagnosis": None, "evidence": {"tried": plain(told)}}
-    cause = {"code": diagnosis.code, "fault": diagnosis.fault, "remedy": diagnosis.remedy}
-    evidence: dict[str, Any] = {"tried": plain(told)}
+        return DiagnoseResult(evidence=evidence)
+    doubt = None
     if diagnosis.code == MAP:
-        evidence["doubt"] = (
-            f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
-        )
+        doubt = f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
     masked = diagnosis.code == OTHER and diagnosis.explanation is not None
     if masked and diagnosis.explanation:
-        evidence["doubt"] = (
-            f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
-        )
+        doubt = f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
         save_observation(work.folder, diagnosis.explanation.candidate.observation)
-        save_arrays(work.folder / DISTORTION, **load_arrays(work.place("undistort") / DISTORTION))
-    return {"diagnosis": cause, "masked": masked, "evidence": evidence}
+        save_arrays(work.folder / DISTORTION, **load_arrays(files.image / DISTORTION))
+    cause = Cause(code=diagnosis.code, fault=diagnosis.fault, remedy=diagnosis.remedy)
+    return DiagnoseResult(diagnosis=cause, masked=masked, doubt=doubt, evidence=evidence)
 
 
 def examined(
@@ -85,3 +108,6 @@ def pictured(found: list[Explanation], diagnosis: Diagnosis | None) -> Explanati
         return diagnosis.explanation
     same_frame = [each for each in found if each.candidate.name not in OTHER_FRAME]
     return max(same_frame, key=lambda each: each.likeness, default=None)
+
+
+STEP = StepType("diagnose", run, DiagnoseResult, DiagnoseSettings)

@@ -1,28 +1,63 @@
 """The cached step: the pose that the metadata claim."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from catalog.target import find_target
+from catalog.target import Target, find_target
+from tasks.fields import CameraField, Content, PlainJson, PoseField
+from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
-from tasks.plain import plain
-from tasks.stored import camera_of, frame_of, given_target_of
+from tasks.step import StepType
 from tasks.work import Work
 
 
-def run(work: Work) -> dict[str, Any]:
-    """See `initial_pose`. The target is looked up here too, for a kernel may define it."""
-    frame = frame_of(work)
-    kernels = [Path(path) for path in work.places["kernels"]]
-    target = given_target_of(work) or find_target(str(frame.target), kernels)
-    pose_file = work.places.get("pose_file")
-    initial = initial_pose(frame, camera_of(work), target, kernels, Path(pose_file) if pose_file else None)
-    return {
-        "pose": initial.pose.to_dict(),
-        "target": target.model_dump(mode="json"),
-        "source": initial.source,
-        "sources": plain(initial.sources),
-        "missing": plain(initial.missing),
-        "kernels": plain(initial.kernels),
-        "evidence": plain(initial.evidence),
-    }
+class PoseInputs(Content):
+    """What the result depends on. frame: content of what the file says. pose_file: its content. kernels: name and
+    content of each kernel, in the order of loading."""
+
+    image: ImageInputs
+    camera: CameraField
+    frame: str
+    pose_file: str | None
+    kernels: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class PoseFiles(ImageFiles):
+    """pose_file: of the user. kernels: files, folders and meta-kernels."""
+
+    pose_file: Path | None
+    kernels: tuple[Path, ...]
+
+
+class PredictedPose(Content):
+    """The pose that the metadata claim; fields as of `tasks.ingest.pose.InitialPose`."""
+
+    pose: PoseField
+    target: Target
+    source: str
+    sources: dict[str, str]
+    missing: tuple[str, ...] = ()
+    kernels: tuple[dict[str, str], ...] = ()
+    evidence: PlainJson
+
+
+def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
+    """The predicted pose, from pose file, SPICE or label (see `initial_pose`).
+
+    The target is looked up here too, for a kernel may define it."""
+    frame = frame_of(inputs.image, files)
+    target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
+    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file)
+    return PredictedPose(
+        pose=found.pose,
+        target=target,
+        source=found.source,
+        sources=found.sources,
+        missing=found.missing,
+        kernels=found.kernels,
+        evidence=found.evidence,
+    )
+
+
+STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}))

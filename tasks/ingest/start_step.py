@@ -1,30 +1,49 @@
 """The cached step: the pose from which the corrections start, where the user overrules the predicted one."""
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from tasks.fields import Amounts, CameraField, Content, PlainAmounts, PoseField
 from tasks.joint.parameters import ATTITUDE, ROLL, State, difference
 from tasks.plain import plain
 from tasks.point.rotation import pose_facing, pose_pointed_at
-from tasks.stored import camera_of
-from tasks.work import Work
+from tasks.step import StepType
+from tasks.work import NoFiles, Work
 
 SAME_EXPOSURE_S = 1.0
 # A centre farther outside than so many frames is a slip: no part of a disk whose limb can be measured would be inside.
 FRAMES_AWAY = 20
 
 
-def run(work: Work) -> dict[str, Any]:
-    """The predicted pose, or the one to resume from, its centre moved by the user's offset. Raises RefusedError when
-    the pose to resume from is of another exposure, or the centre to move is behind the camera."""
-    predicted, earlier = Pose.from_dict(work.inputs["predicted"]), work.inputs["resume"]
-    start = predicted if earlier is None else resumed(Pose.from_dict(earlier), predicted)
-    camera, offset_px = camera_of(work), work.inputs["start_offset_px"]
+class StartInputs(Content):
+    """What the result depends on. start_offset_px: added to the predicted centre. resume: pose of an earlier result."""
+
+    camera: CameraField
+    predicted: PoseField
+    start_offset_px: tuple[float, float] | None
+    resume: PoseField | None
+
+
+class StartResult(Content):
+    """pose: where the corrections start. changed, uncertainty: what of it a product states as a correction."""
+
+    pose: PoseField
+    centre_px: tuple[float, float] | None
+    changed: PlainAmounts
+    uncertainty: PlainAmounts = Field(default_factory=dict)
+
+
+def run(inputs: StartInputs, _: NoFiles, __: Work) -> StartResult:
+    """The pose that the corrections start from: the predicted one, or an earlier result, moved by the user's offset.
+
+    Raises RefusedError when the pose to resume from is of another exposure, or the centre to move is behind the camera.
+    """
+    predicted, camera, offset_px = inputs.predicted, inputs.camera, inputs.start_offset_px
+    start = predicted if inputs.resume is None else resumed(inputs.resume, predicted)
     if offset_px is not None:
         if not np.isfinite(camera.project(start.target_in_camera_km)).all():
             raise RefusedError(
@@ -33,13 +52,12 @@ def run(work: Work) -> dict[str, Any]:
                 "Check camera_from_j2000, or leave --start-offset out: the whole frame is searched then.",
             )
         start = pose_pointed_at(start, camera, started_at(start, camera, offset_px))
-    changed = {} if earlier is None else turned(predicted, start, camera)
-    return {
-        "pose": start.to_dict(),
-        "centre_px": plain(camera.project(start.target_in_camera_km)),
-        "changed": changed,
-        "uncertainty": {},
-    }
+    centre = camera.project(start.target_in_camera_km)
+    return StartResult(
+        pose=start,
+        centre_px=(float(centre[0]), float(centre[1])) if np.isfinite(centre).all() else None,
+        changed={} if inputs.resume is None else turned(predicted, start, camera),
+    )
 
 
 def started_at(pose: Pose, camera: Camera, offset_px: ArrayLike) -> NDArray[np.float64]:
@@ -56,7 +74,7 @@ def started_at(pose: Pose, camera: Camera, offset_px: ArrayLike) -> NDArray[np.f
     return np.asarray(wanted)
 
 
-def turned(predicted: Pose, start: Pose, camera: Camera) -> dict[str, Any]:
+def turned(predicted: Pose, start: Pose, camera: Camera) -> Amounts:
     """Roll of the camera and turn of the body that are resumed, in the words of corrections."""
     step = difference(State(start, 1.0), State(pose_facing(predicted, start, camera), 1.0), camera)
     return {"roll_deg": float(step[ROLL]), "attitude_deg": plain(step[ATTITUDE])}
@@ -76,3 +94,6 @@ def resumed(earlier: Pose, predicted: Pose) -> Pose:
         target_from_spacecraft_km=earlier.target_from_spacecraft_km,
         body_from_j2000=earlier.body_from_j2000,
     )
+
+
+STEP = StepType("start", run, StartResult, changes=frozenset({"pose"}))

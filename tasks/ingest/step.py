@@ -1,20 +1,50 @@
 """The cached step: read an image file's metadata, and name its camera and target."""
 
-from typing import Any
-
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.observation import Frame
+from tasks.fields import CameraField, Content, Json
+from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.plain import plain
-from tasks.stored import frame_of
+from tasks.step import StepType
 from tasks.work import Work
 
 MAX_LABEL_VALUES = 2000
 
 
-def run(work: Work) -> dict[str, Any]:
-    """What the file says; pixels stay in the file. Raises RefusedError when camera or target stay unknown."""
-    frame = frame_of(work)
+class IngestInputs(Content):
+    """What the result depends on. camera: the user's, or the content of all cameras whose names labels may bear.
+    target_names: content of the catalog's target files, whose spellings labels are compared with."""
+
+    image: ImageInputs
+    camera: CameraField | str
+    target_names: str
+    product: str
+
+
+class IngestResult(Content):
+    """What the file says of itself. et: mid-exposure, None when unknown. undistorted: the frame is already in the
+    camera's undistorted geometry. overruled: what the label says otherwise than the user. warnings: a sentence each."""
+
+    product: str
+    sha256: str
+    format: str
+    camera: CameraField
+    target_name: str
+    et: float | None
+    exposure_s: float | None
+    filter: str | None
+    undistorted: bool
+    label: Json
+    overruled: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
+    """What the image's file says of itself, its camera and its target; pixels stay in the file.
+
+    Raises RefusedError when camera or target stay unknown."""
+    frame = frame_of(inputs.image, files)
     if frame.camera is None:
         raise RefusedError(
             "camera-unknown",
@@ -26,29 +56,31 @@ def run(work: Work) -> dict[str, Any]:
         raise RefusedError(
             "target-unknown", f"image {frame.path}: {fault}.", "Say which body is meant: --target NAME or FILE.toml."
         )
-    camera = find_camera(str(work.places.get("camera") or frame.camera))
-    return {
-        "product": frame.product,
-        "sha256": frame.sha256,
-        "format": frame.format,
-        "camera": camera.model_dump(mode="json", exclude_unset=True),
-        "target_name": frame.target,
-        "et": frame.et,
-        "exposure_s": frame.exposure_s,
-        "filter": frame.filter,
-        "undistorted": frame.undistorted,
-        "label": printable_label(frame),
-        "overruled": list(frame.overruled),
-        "warnings": list(frame.warnings),
-    }
+    return IngestResult(
+        product=frame.product,
+        sha256=frame.sha256,
+        format=frame.format,
+        camera=find_camera(str(files.camera or frame.camera)),
+        target_name=frame.target,
+        et=frame.et,
+        exposure_s=frame.exposure_s,
+        filter=frame.filter,
+        undistorted=frame.undistorted,
+        label=printable_label(frame),
+        overruled=frame.overruled,
+        warnings=frame.warnings,
+    )
 
 
-def printable_label(frame: Frame) -> dict[str, Any]:
+def printable_label(frame: Frame) -> Json:
     """The label as plain values; what JSON cannot hold becomes text."""
-    label: dict[str, Any] = {}
+    label: Json = {}
     for key, value in list(frame.label.items())[:MAX_LABEL_VALUES]:
         try:
             label[str(key)] = plain(value)
         except TypeError:
             label[str(key)] = str(value)
     return label
+
+
+STEP = StepType("ingest", run, IngestResult)

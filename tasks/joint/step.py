@@ -2,7 +2,7 @@
 
 Where the disk told of the beam's bending (`bending.told_by_disk`), the step also leaves the image displaced by it, and
 what is known of its distortion, for later steps to use in place of those of the step undistort; its result says so by
-IMAGE_MOVED.
+`image_moved`.
 """
 
 from typing import Any
@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.pose import Pose
-from tasks.correcting import plain_correction
-from tasks.correction import IMAGE_MOVED
+from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError, displacement_of
+from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
-from tasks.stored import load_arrays, load_observation, pose_in, save_arrays, save_observation, scene_of
+from tasks.step import StepType
+from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
 from tasks.undistort.resample import displaced
 from tasks.undistort.step import DISTORTION
 from tasks.work import Work
@@ -24,32 +26,41 @@ from tasks.work import Work
 Known = dict[str, NDArray[Any]]
 
 
-def run(work: Work) -> dict[str, Any]:
-    """See `find_pose_jointly`."""
-    settings = JointSettings.model_validate(work.inputs["settings"])
-    observation = load_observation(work.place("undistort"))
-    known = load_arrays(work.place("undistort") / DISTORTION)
-    start, predicted = pose_in(work.place("pose")), pose_in(work.place("predicted"))
-    scene, sources = scene_of(work), work.inputs["pose_sources"]
-    distortion = distortion_near(known, scene, start)
+class JointInputs(CorrectionInputs):
+    """What the result depends on. predicted, pose_sources: what the priors are about, and where it comes from.
+    markings_match: see `find_pose_jointly`. image_moved: what the disk tells of the beam's bending is in this image
+    already, and asked again it would count twice."""
+
+    predicted: PoseField
+    pose_sources: dict[str, str]
+    markings_match: bool
+    image_moved: bool
+    settings: JointSettings
+
+
+def run(inputs: JointInputs, files: SceneFiles, work: Work) -> CorrectionResult:
+    """Pose, blur and brightness together, by least squares with priors (see `find_pose_jointly`)."""
+    settings = inputs.settings.model_copy(update={"bending_px": None}) if inputs.image_moved else inputs.settings
+    observation, scene = load_observation(files.image), scene_of(inputs.scene, files)
+    known = load_arrays(files.image / DISTORTION)
+    distortion = distortion_near(known, scene, inputs.pose)
     correction = find_pose_jointly(
         observation,
-        start,
-        predicted,
-        sources,
+        inputs.pose,
+        inputs.predicted,
+        inputs.pose_sources,
         scene,
         settings,
         work.progress,
         distortion,
-        work.inputs["markings_match"],
+        inputs.markings_match,
     )
-    result = plain_correction(correction)
     told = correction.evidence["bending"]
     if told is None:
-        return result
+        return recorded(correction)
     save_observation(work.folder, displaced(observation, displacement_of(told["strength"], known["bending_error_px"])))
     save_arrays(work.folder / DISTORTION, **known_after(known, told["strength"], told["sigma"]))
-    return result | {IMAGE_MOVED: True}
+    return recorded(correction, image_moved=True)
 
 
 def distortion_near(known: Known, scene: Scene, pose: Pose) -> DistortionError:
@@ -85,3 +96,6 @@ def known_after(known: Known, strength: float, sigma: float) -> Known:
 def mean_square(planes: NDArray[Any]) -> NDArray[np.float32]:
     """Of x and y (ny, nx)."""
     return np.asarray((planes.astype(np.float32) ** 2).mean(axis=0), np.float32)
+
+
+STEP = StepType("joint", run, CorrectionResult, JointSettings, changes=frozenset({"pose", "image"}))

@@ -2,35 +2,63 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from tasks.objectstore.location import open_object_store
-from tasks.objectstore.publishing import publish_product, published_key, published_origin
+from tasks.fields import Content
 from tasks.publish.origin import origin_of, refuse_other_image
 from tasks.record import Record, read_record
-from tasks.step import Step
+from tasks.step import Step, StepType
 from tasks.work import Work
 
 
+class UploadInputs(Content):
+    """url: of the object store. publish: key of the product."""
+
+    url: str
+    product: str
+    publish: str
+
+
 @dataclass(frozen=True)
-class UploadStep(Step):
-    """inputs: `url` of the store, `product`, `publish` (key of the product). places: `folder` of the product."""
+class UploadFiles:
+    """folder: of the product."""
 
-    def record(self) -> Record | None:
-        """The record, if the store has the product under this key. Raises FailedError when it cannot be reached."""
-        url = self.inputs["url"]
-        if published_key(open_object_store(url), self.product) != self.inputs["publish"]:
-            return None
-        known = read_record(self.cached_at, self.key)
-        return known or Record(self.name, self.key, self.code, self.inputs, {"url": url}, 0.0, "")
+    folder: Path
 
 
-def run(work: Work) -> dict[str, Any]:
-    """Copy the product (see `publish_product`). Raises RefusedError when the store has one of another image."""
-    folder, store = Path(work.places["folder"]), open_object_store(work.inputs["url"])
+class UploadResult(Content):
+    """How much was copied, and how many objects of an older product were deleted; None where the store had it."""
+
+    url: str
+    files: int | None = None
+    bytes: int | None = None
+    deleted: int | None = None
+
+
+def published_record(step: Step[UploadInputs, UploadFiles, UploadResult]) -> Record | None:
+    """The record, if the store has the product under this key. Raises FailedError when it cannot be reached."""
+    from tasks.objectstore.location import open_object_store
+    from tasks.objectstore.publishing import published_key
+
+    url = step.inputs.url
+    if published_key(open_object_store(url), step.product) != step.inputs.publish:
+        return None
+    known = read_record(step.cached_at, step.key)
+    return known or Record(step.name, step.key, step.code, step.plain_inputs, {"url": url}, 0.0, "")
+
+
+def run(inputs: UploadInputs, files: UploadFiles, _: Work) -> UploadResult:
+    """The product's copy in the object store (see `publish_product`).
+
+    Raises RefusedError when the store has one of another image."""
+    from tasks.objectstore.location import open_object_store
+    from tasks.objectstore.publishing import publish_product, published_origin
+
+    folder, store = files.folder, open_object_store(inputs.url)
     origin = origin_of(folder)
     if origin is not None and origin.paths:
         place = f"{store.url}/{folder.name}"
         refuse_other_image(published_origin(store, folder.name), place, Path(origin.paths[-1]), origin.sha256)
-    copied = publish_product(folder, store)
-    return {"url": work.inputs["url"], **asdict(copied)}
+    return UploadResult(url=inputs.url, **asdict(publish_product(folder, store)))
+
+
+STEP = StepType("upload", run, UploadResult, find_record=published_record)

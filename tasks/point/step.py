@@ -1,12 +1,25 @@
 """The cached step: point."""
 
-from typing import Any
-
-from tasks.correcting import run_correction
+from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
 from tasks.point import PointSettings, find_pointing
+from tasks.scene_inputs import SceneFiles, scene_of
+from tasks.step import StepType
+from tasks.stored import load_observation
 from tasks.work import Work
 
 
-def run(work: Work) -> dict[str, Any]:
-    """See `find_pointing`."""
-    return run_correction(work, find_pointing, PointSettings.model_validate(work.inputs["settings"]))
+class PointInputs(CorrectionInputs):
+    """What the result depends on. search_frame: whether the target may be anywhere in the frame."""
+
+    search_frame: bool
+    settings: PointSettings
+
+
+def run(inputs: PointInputs, files: SceneFiles, work: Work) -> CorrectionResult:
+    """Where in the frame the target is, by registering the image with the simulation (see `find_pointing`)."""
+    settings = inputs.settings.model_copy(update={"coarse": inputs.settings.coarse and inputs.search_frame})
+    observation, scene = load_observation(files.image), scene_of(inputs.scene, files)
+    return recorded(find_pointing(observation, inputs.pose, scene, settings, work.progress))
+
+
+STEP = StepType("point", run, CorrectionResult, PointSettings, changes=frozenset({"pose"}))

@@ -19,7 +19,6 @@ from tasks.atomic import file_put_in_place
 from tasks.publish.checksums import CHECKSUMS
 from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.record import RECORD_FILE, read_record, record_in, write_record
-from tasks.step import Step
 
 OTHER_IMAGE = "product-of-another-image"
 PARTS = (RECORD_FILE, RESULT, CUBE, CHECKSUMS, SETTINGS, OVERLAY)
@@ -101,15 +100,6 @@ def note_place(folder: Path, image: Path, sha256: str) -> None:
             write_record(temporary.parent, record, temporary.name)
             if read_record(folder, record.key) is None:
                 raise OSError("the product was exchanged meanwhile")
-
-
-@dataclass(frozen=True)
-class PublishStep(Step):
-    """The step that publishes. places: `image`, the path of the image's file, and `sha256`, its content."""
-
-    def check_place(self) -> None:
-        """See `refuse_taken`."""
-        refuse_taken(self.folder, Path(self.places["image"]), self.places["sha256"])
 
 
 def _is_product_or_empty(folder: Path) -> bool:

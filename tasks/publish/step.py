@@ -1,25 +1,32 @@
 """The cached step: publish. Its folder is the product's folder in the store."""
 
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from catalog.observation import Observation
+from tasks.correcting import CorrectionResult
+from tasks.fields import Content, Json, PlainJson, PoseField
+from tasks.ingest.pose_step import PredictedPose
+from tasks.ingest.start_step import StartResult
+from tasks.ingest.step import IngestResult
 from tasks.project.uncertainty import stated_uncertainty
 from tasks.publish.names import CUBE, OVERLAY
-from tasks.publish.origin import Origin
+from tasks.publish.origin import Origin, refuse_taken
 from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
-from tasks.stored import camera_of, load_arrays, load_observation, pose_in, target_of
+from tasks.scene_inputs import SceneInputs
+from tasks.step import Step, StepType
+from tasks.stored import load_arrays, load_observation
 from tasks.summary import calibrated, summary
 from tasks.undistort.model import Identity
-from tasks.undistort.step import DISTORTION
+from tasks.undistort.step import DISTORTION, UndistortResult
+from tasks.validate.step import ValidateResult
 from tasks.work import Work
 
-CORRECTIONS = ("point", "roll", "range", "attitude", "joint")
 LIBRARIES = (
     "planetpose",
     "numpy",
@@ -33,84 +40,146 @@ LIBRARIES = (
 )
 
 
-def run(work: Work) -> dict[str, Any]:
-    """Gather what the earlier steps found and write the product (see `write_product`)."""
-    records = {name: record_in(Path(folder)) for name, folder in work.places["steps"].items()}
-    camera = camera_of(work)
-    before, after = pose_in(work.place("predicted")), pose_in(work.place("pose"))
-    corrections = {name: r.result for name, r in records.items() if name.partition("-")[0] in CORRECTIONS}
-    resumed = {"start": records["start"].result} if "start" in records else {}
-    stated = calibrated(resumed | corrections)
-    corrected = summary(before, after, camera, stated)
+class PublishInputs(Content):
+    """What the product depends on. scene: its target is the one that planes are projected on. steps: keys of the steps
+    that led to the pose, in the order of doing. verdict: status and reason, as the product states them. judgement:
+    version of the code that puts the steps in order and judges them."""
+
+    scene: SceneInputs
+    product: str
+    pose: PoseField
+    predicted: PoseField
+    steps: dict[str, str]
+    verdict: PlainJson
+    judgement: str
+    profile: PlainJson
+    profile_origin: PlainJson | None
+    guidance: PlainJson
+
+
+@dataclass(frozen=True)
+class PublishFiles:
+    """image_folder: of the step that left the undistorted image. steps: folders of all steps, in the order of doing.
+    corrections: names of those that corrected the pose. result: what is known of the result so far, plain JSON. image:
+    the image's file, of the content sha256. known_places: where it was seen before."""
+
+    image_folder: Path
+    steps: dict[str, Path]
+    corrections: tuple[str, ...]
+    result: Json
+    image: Path
+    sha256: str
+    known_places: tuple[str, ...]
+
+    @property
+    def origin(self) -> Origin:
+        """The image of the product, and where it was seen."""
+        return Origin(self.sha256, self.known_places).seen_at(self.image, self.sha256)
+
+
+class PublishResult(Content):
+    """correction: see `summary`. cube, overlay: names in the product's folder. image: see `Origin`."""
+
+    correction: PlainJson
+    cube: str
+    overlay: str
+    image: PlainJson
+
+
+@dataclass(frozen=True)
+class Found:
+    """Records of all steps by name, and what those say that a product tells of."""
+
+    records: dict[str, Record]
+    frame: IngestResult
+    predicted: PredictedPose
+    undistort: UndistortResult
+    start: StartResult | None
+    corrections: dict[str, CorrectionResult]
+    validate: ValidateResult
+
+
+def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult:
+    """The product: every pixel projected, cube, result and provenance written into the store (see `write_product`)."""
+    found, camera = found_in(files), inputs.scene.camera
+    resumed = {"start": found.start.model_dump(mode="json")} if found.start else {}
+    stated = calibrated(resumed | {name: result.told() for name, result in found.corrections.items()})
+    corrected = summary(inputs.predicted, inputs.pose, camera, stated)
     publication = Publication(
-        product=work.inputs["product"],
-        observation=load_observation(work.place("undistort")),
+        product=inputs.product,
+        observation=load_observation(files.image_folder),
         camera=camera,
-        target=target_of(work),
-        pose_before=before,
-        pose_after=after,
+        target=inputs.scene.target,
+        pose_before=inputs.predicted,
+        pose_after=inputs.pose,
         uncertainty=stated_uncertainty(stated),
-        result={**work.places["result"], **corrected, **limb_of(records["validate"])},
-        settings=dict(work.inputs["profile"]),
-        provenance=provenance(work, records, corrections),
-        **distortion_of(work, records["undistort"]),
+        result={**files.result, **corrected, **stated_of(found.validate)},
+        settings=dict(inputs.profile),
+        provenance=provenance(inputs, found),
     )
-    write_product(publication, work.folder)
-    return {"correction": corrected, "cube": CUBE, "overlay": OVERLAY, "image": origin(work).to_dict()}
+    write_product(with_distortion(publication, files.image_folder, found.undistort), work.folder)
+    return PublishResult(correction=corrected, cube=CUBE, overlay=OVERLAY, image=files.origin.to_dict())
 
 
-def origin(work: Work) -> Origin:
-    """The image of the product, and where it was seen."""
-    known = Origin(work.places["sha256"], tuple(work.places["known_places"]))
-    return known.seen_at(work.place("image"), work.places["sha256"])
+def found_in(files: PublishFiles) -> Found:
+    """What the earlier steps found. Raises OSError or ValueError when a record is gone or damaged."""
+    records = {name: record_in(folder) for name, folder in files.steps.items()}
+    return Found(
+        records=records,
+        frame=IngestResult.model_validate(records["ingest"].result),
+        predicted=PredictedPose.model_validate(records["pose"].result),
+        undistort=UndistortResult.model_validate(records["undistort"].result),
+        start=StartResult.model_validate(records["start"].result) if "start" in records else None,
+        corrections={name: CorrectionResult.model_validate(records[name].result) for name in files.corrections},
+        validate=ValidateResult.model_validate(records["validate"].result),
+    )
 
 
-def distortion_of(work: Work, undistort: Record) -> dict[str, Any]:
-    """What the step `undistort` left beside the undistorted frame, in the publication's words."""
-    beside = load_arrays(work.place("undistort") / DISTORTION)
-    nothing_moved = undistort.result["model"] == Identity.name
-    kernel = NOT_RESAMPLED if nothing_moved else undistort.result["evidence"]["kernel"]
-    found = {"distortion_uncertainty_px": beside["uncertainty_px"], "kernel": kernel}
-    if "sensor_image" not in beside:
-        return found
-    observation = Observation(*(beside[f"sensor_{name}"] for name in ("image", "noise", "quality")))
-    places = np.stack([beside["sensor_x_px"], beside["sensor_y_px"]], axis=-1)
-    return found | {"sensor": SensorFrame(observation, places)}
+def with_distortion(publication: Publication, folder: Path, undistort: UndistortResult) -> Publication:
+    """The publication with what the step `undistort` left beside the undistorted frame in `folder`."""
+    beside = load_arrays(folder / DISTORTION)
+    nothing_moved = undistort.model == Identity.name
+    sensor = None
+    if "sensor_image" in beside:
+        observation = Observation(*(beside[f"sensor_{name}"] for name in ("image", "noise", "quality")))
+        sensor = SensorFrame(observation, np.stack([beside["sensor_x_px"], beside["sensor_y_px"]], axis=-1))
+    return replace(
+        publication,
+        distortion_uncertainty_px=beside["uncertainty_px"],
+        kernel=NOT_RESAMPLED if nothing_moved else undistort.evidence["kernel"],
+        sensor=sensor,
+    )
 
 
-def limb_of(validate: Record) -> dict[str, Any]:
-    """The verdict of the step `validate`, in the result's words."""
-    limb, orientation = validate.result["limb"], validate.result["orientation"]
+def stated_of(report: ValidateResult) -> Json:
+    """What a result states of the step `validate`'s findings."""
+    limb, orientation = report.limb, report.orientation
     return {
-        "limb_rms_px": limb["rms_px"],
-        "limb_points": limb["points"],
-        "orientation": {
-            "markings": orientation["verdict"],
-            "sigmas": orientation["sigmas"],
-            "kept": orientation["kept"],
-        },
-        "limb_robust_px": limb["robust_px"],
-        "limb_disagreeing": limb["disagreeing"],
-        "similarity": validate.result["similarity"],
+        "orientation": {"markings": orientation.verdict, "sigmas": orientation.sigmas, "kept": orientation.kept},
+        "limb_rms_px": limb.rms_px,
+        "limb_points": limb.points,
+        "limb_robust_px": limb.robust_px,
+        "limb_disagreeing": limb.disagreeing,
+        "similarity": report.similarity.model_dump(mode="json"),
     }
 
 
-def provenance(work: Work, records: dict[str, Record], corrections: dict[str, dict[str, Any]]) -> dict[str, Any]:
+def provenance(inputs: PublishInputs, found: Found) -> Json:
     """Where everything came from: files and hashes, label, kernels, map, every step with its key and code version."""
-    frame, predicted = records["ingest"].result, records["pose"].result
+    frame, predicted, records = found.frame, found.predicted, found.records
     return {
-        "image": {key: frame[key] for key in ("product", "sha256", "format", "exposure_s", "filter")},
-        "label": frame["label"],
-        "initial_pose": {key: predicted[key] for key in ("source", "sources", "missing", "evidence")},
-        "kernels": predicted["kernels"],
-        "basemap": dict(work.inputs["basemap"]),
-        "undistort": records["undistort"].result,
-        "profile_origin": work.inputs["profile_origin"],
-        "guidance": dict(work.inputs["guidance"]),
+        "image": frame.model_dump(mode="json", include={"product", "sha256", "format", "exposure_s", "filter"}),
+        "label": frame.label,
+        "initial_pose": predicted.model_dump(mode="json", include={"source", "sources", "missing", "evidence"}),
+        "kernels": list(predicted.kernels),
+        "basemap": inputs.scene.basemap.model_dump(mode="json"),
+        "undistort": found.undistort.model_dump(mode="json"),
+        "profile_origin": inputs.profile_origin,
+        "guidance": dict(inputs.guidance),
         "start": records["start"].inputs if "start" in records else None,
-        "corrections": {name: {k: v for k, v in r.items() if k != "pose"} for name, r in corrections.items()},
-        "limb": records["validate"].result["limb"],
-        "sun": records["validate"].result["sun"],
+        "corrections": {name: result.told() for name, result in found.corrections.items()},
+        "limb": found.validate.limb.model_dump(mode="json"),
+        "sun": asdict(found.validate.sun),
         "steps": {
             name: {"key": r.key, "code": r.code, "seconds": r.seconds, "written": r.written}
             for name, r in records.items()
@@ -128,3 +197,11 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def refuse_other(step: Step[PublishInputs, PublishFiles, PublishResult]) -> None:
+    """See `refuse_taken`."""
+    refuse_taken(step.folder, step.files.image, step.files.sha256)
+
+
+STEP = StepType("publish", run, PublishResult, check_place=refuse_other)

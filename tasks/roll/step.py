@@ -1,12 +1,23 @@
 """The cached step: roll."""
 
-from typing import Any
-
-from tasks.correcting import run_correction
+from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
 from tasks.roll import RollSettings, find_roll
+from tasks.scene_inputs import SceneFiles, scene_of
+from tasks.step import StepType
+from tasks.stored import load_observation
 from tasks.work import Work
 
 
-def run(work: Work) -> dict[str, Any]:
-    """See `find_roll`."""
-    return run_correction(work, find_roll, RollSettings.model_validate(work.inputs["settings"]))
+class RollInputs(CorrectionInputs):
+    """What the result depends on."""
+
+    settings: RollSettings
+
+
+def run(inputs: RollInputs, files: SceneFiles, work: Work) -> CorrectionResult:
+    """How far the camera is turned about its boresight (see `find_roll`)."""
+    observation, scene = load_observation(files.image), scene_of(inputs.scene, files)
+    return recorded(find_roll(observation, inputs.pose, scene, inputs.settings, work.progress))
+
+
+STEP = StepType("roll", run, CorrectionResult, RollSettings, changes=frozenset({"pose"}))

@@ -5,15 +5,20 @@ the distortion at each undistorted pixel, how an error of the beam's bending wou
 space = sensor the unresampled frame with the undistorted place of each of its pixels.
 """
 
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from catalog.mask import masked, read_mask
 from catalog.observation import Observation
-from tasks.plain import plain
-from tasks.stored import camera_of, frame_of, save_arrays, save_observation
+from tasks.fields import CameraField, Content, PlainJson
+from tasks.image_file import ImageFiles, ImageInputs, frame_of
+from tasks.step import StepType
+from tasks.stored import save_arrays, save_observation
 from tasks.undistort import UndistortSettings, undistort
 from tasks.undistort.frame_map import bending_error_planes, uncertainty_plane, undistorted_places
 from tasks.undistort.saturation import with_plate_flagged
@@ -22,11 +27,36 @@ from tasks.work import Work
 DISTORTION = "distortion"
 
 
-def run(work: Work) -> dict[str, Any]:
-    """See `undistort`; the observation goes into the step's folder."""
-    frame, camera = frame_of(work), camera_of(work)
-    observation = with_plate_flagged(masked_by_user(work, frame.observation))
-    settings = UndistortSettings.model_validate(work.inputs["settings"])
+class UndistortInputs(Content):
+    """What the result depends on. undistorted: the frame is already in the camera's undistorted geometry.
+    reseau_tables: content of the tables of marks that camera and settings name. mask: content of the user's mask."""
+
+    image: ImageInputs
+    camera: CameraField
+    undistorted: bool
+    settings: UndistortSettings
+    reseau_tables: dict[str, str] = Field(default_factory=dict)
+    mask: str | None = None
+
+
+@dataclass(frozen=True)
+class UndistortFiles(ImageFiles):
+    """mask: of the user, whose non-zero pixels are not used."""
+
+    mask: Path | None
+
+
+class UndistortResult(Content):
+    """model: name of the distortion model that was taken out."""
+
+    model: str
+    evidence: PlainJson
+
+
+def run(inputs: UndistortInputs, files: UndistortFiles, work: Work) -> UndistortResult:
+    """The undistorted image (see `undistort`), which goes into the step's folder."""
+    frame, camera, settings = frame_of(inputs.image, files), inputs.camera, inputs.settings
+    observation = with_plate_flagged(masked_by_user(files.mask, frame.observation))
     resampling = settings.model_copy(update={"space": "resampled"})
     undistorted = undistort(observation, camera, resampling, frame.undistorted)
     save_observation(work.folder, undistorted.observation)
@@ -46,14 +76,14 @@ def run(work: Work) -> dict[str, Any]:
         beside |= {"sensor_x_px": places[..., 0], "sensor_y_px": places[..., 1]}
     save_arrays(work.folder / DISTORTION, **beside)
     evidence = undistorted.evidence | {"space": settings.space}
-    if "mask" in work.inputs:
-        evidence["mask"] = {"file": work.place("mask").name, "sha256": work.inputs["mask"]}
-    return {"model": undistorted.model.name, "evidence": plain(evidence)}
+    if files.mask:
+        evidence["mask"] = {"file": files.mask.name, "sha256": inputs.mask}
+    return UndistortResult(model=undistorted.model.name, evidence=evidence)
 
 
-def masked_by_user(work: Work, observation: Observation) -> Observation:
+def masked_by_user(mask: Path | None, observation: Observation) -> Observation:
     """The raw observation with the user's mask, if there is one, in its quality."""
-    if "mask" not in work.inputs:
-        return observation
-    path = work.place("mask")
-    return masked(observation, read_mask(path), path)
+    return observation if mask is None else masked(observation, read_mask(mask), mask)
+
+
+STEP = StepType("undistort", run, UndistortResult, UndistortSettings, changes=frozenset({"image"}))

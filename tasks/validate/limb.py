@@ -1,7 +1,6 @@
 """Validate: is the limb where the simulation has it? (paper, section 4.2)."""
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +14,8 @@ from tasks.compare.limb_edges import LimbEdges, LimbSettings, measure_limb
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.segments import Segments, profiles
 from tasks.compare.similarity import ssim
+from tasks.fields import Content
+from tasks.plain import plain
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -56,23 +57,26 @@ class LimbReport:
     shift_px: Array = field(repr=False)
     horizontal: NDArray[np.bool_] = field(repr=False)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON values, the arrays left out."""
-        names = (
-            "rms_px",
-            "mean_px",
-            "normal_rms_px",
-            "normal_median_px",
-            "robust_px",
-            "disagreeing",
-            "blur",
-            "points",
-            "tried",
-            "similarity",
-            "correlation",
-            "likeness",
-        )
-        return {name: getattr(self, name) for name in names}
+    def figures(self) -> "LimbFigures":
+        """All but the arrays."""
+        return LimbFigures(**{name: plain(getattr(self, name)) for name in LimbFigures.model_fields})
+
+
+class LimbFigures(Content):
+    """The figures of a `LimbReport`, as a record keeps them."""
+
+    rms_px: float | None
+    mean_px: tuple[float, float] | None
+    normal_rms_px: float | None
+    normal_median_px: float | None
+    robust_px: float | None
+    disagreeing: float | None
+    blur: float | None
+    points: int
+    tried: int
+    similarity: float | None
+    correlation: float | None
+    likeness: float
 
 
 def validate_limb(

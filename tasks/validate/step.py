@@ -1,66 +1,120 @@
 """The cached step: validate."""
 
-from collections.abc import Mapping
-from typing import Any
+from typing import NamedTuple
+
+from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.attitude.markings import UNKNOWN_DEG, Markings, judged_markings, mismatch_of
-from tasks.attitude.symmetry import better_flip, doubt_of_symmetry
+from tasks.attitude.symmetry import Symmetry, better_flip, doubt_of_symmetry
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
+from tasks.fields import Content, PlainJson, PoseField
 from tasks.plain import plain
+from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.simulate import Scene
-from tasks.stored import load_observation, pose_in, save_arrays, scene_of
+from tasks.step import StepType
+from tasks.stored import load_observation, save_arrays
 from tasks.validate import ValidateSettings, validate_limb
 from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
-from tasks.validate.limb import margin_px
-from tasks.validate.sun import sun_in_image
+from tasks.validate.limb import LimbFigures, margin_px
+from tasks.validate.sun import SunReport, sun_in_image
 from tasks.work import Work
 
 # Sub-pixels across the disk of the picture before: its similarity need only be right to 0.001.
 ACROSS_BEFORE = 400.0
 
 
-def run(work: Work) -> dict[str, Any]:
-    """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one,
-    and where the image puts the Sun (see `sun_in_image`)."""
-    observation, scene = load_observation(work.place("undistort")), scene_of(work)
-    settings = ValidateSettings.model_validate(work.inputs["settings"])
-    report = validate_limb(observation, pose_in(work.place("pose")), scene, settings)
+class ValidateInputs(Content):
+    """What the result depends on. orientation: what the last correction found of the markings, None where it did not
+    look. attitude_prior_deg: 1-sigma of the predicted orientation, None if unknown."""
+
+    scene: SceneInputs
+    pose: PoseField
+    predicted: PoseField
+    orientation: PlainJson | None
+    attitude_prior_deg: float | None
+    settings: ValidateSettings
+
+
+class Similarity(Content):
+    """Of image and simulation, under the predicted and under the corrected pose; None outside the frame."""
+
+    before: float | None
+    after: float | None
+
+
+class OrientationReport(Content):
+    """What the markings say of the body's orientation. verdict, sigmas: see `Markings`. kept: why the predicted one was
+    kept, if it was. evidence: all that is known of it."""
+
+    verdict: str
+    sigmas: float | None
+    kept: str | None = None
+    evidence: PlainJson = Field(default_factory=dict)
+
+
+class ValidateResult(Content):
+    """limb: see `LimbReport`. sun: see `SunReport`. doubt: why the pose is doubtful, None when nothing says so."""
+
+    limb: LimbFigures
+    similarity: Similarity
+    sun: SunReport
+    dark_limb: PlainJson
+    orientation: OrientationReport
+    symmetry: PlainJson | None
+    doubt: str | None
+
+
+def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult:
+    """Limb, similarity, Sun and orientation under the corrected pose (see `validate_limb`, `sun_in_image`)."""
+    observation, scene, pose = load_observation(files.image), scene_of(inputs.scene, files), inputs.pose
+    report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
-    before = similarity_before(observation, pose_in(work.place("predicted")), scene, settings)
-    sun = sun_in_image(observation, pose_in(work.place("pose")), scene)
-    outside = dark_limb(observation, pose_in(work.place("pose")), scene)
-    oriented = orientation_of(observation, pose_in(work.place("pose")), scene, work.inputs)
-    doubts = [*oriented.pop("doubts"), doubt_of_dark_limb(outside)]
-    return {
-        "limb": plain(report.to_dict()),
-        "similarity": {"before": before, "after": plain(report.similarity)},
-        "sun": plain(sun.to_dict()),
-        "dark_limb": plain(outside.to_dict()),
-        **plain(oriented),
-        "doubt": " ".join(doubt for doubt in doubts if doubt) or None,
-    }
+    before = similarity_before(observation, inputs.predicted, scene, inputs.settings)
+    outside = dark_limb(observation, pose, scene)
+    oriented = orientation_of(observation, pose, scene, inputs)
+    doubts = [*oriented.doubts, doubt_of_dark_limb(outside)]
+    return ValidateResult(
+        limb=report.figures(),
+        similarity=Similarity(before=before, after=plain(report.similarity)),
+        sun=sun_in_image(observation, pose, scene),
+        dark_limb=outside.to_dict(),
+        orientation=oriented.report,
+        symmetry=oriented.symmetry.to_dict() if oriented.symmetry else None,
+        doubt=" ".join(doubt for doubt in doubts if doubt) or None,
+    )
 
 
-def orientation_of(observation: Observation, pose: Pose, scene: Scene, inputs: Mapping[str, Any]) -> dict[str, Any]:
-    """What the markings say of the orientation, unless an earlier step found out, and the doubts that follow."""
-    prior_deg = inputs["attitude_prior_deg"] or UNKNOWN_DEG
-    told = inputs["orientation"]
-    if told is None:
-        markings = judged_markings(observation, pose, scene, prior_deg)
-        told = {**markings.to_dict(), "kept": None}
-    else:
-        markings = Markings(told["verdict"], told["correlation"], told["sigmas"])
+class Oriented(NamedTuple):
+    """What the markings say of the orientation, a flip of the picture that fits better, and the doubts that follow."""
+
+    report: OrientationReport
+    symmetry: Symmetry | None
+    doubts: list[str]
+
+
+def orientation_of(observation: Observation, pose: Pose, scene: Scene, inputs: ValidateInputs) -> Oriented:
+    """What the markings say of the orientation, unless an earlier step found out."""
+    prior_deg = inputs.attitude_prior_deg or UNKNOWN_DEG
+    found = inputs.orientation
     doubts = []
-    if markings.verdict == "mismatched" and inputs["orientation"] is None:
-        doubts.append(mismatch_of(markings))
+    if found is None:
+        markings = judged_markings(observation, pose, scene, prior_deg)
+        found = {**markings.to_dict(), "kept": None}
+        if markings.verdict == "mismatched":
+            doubts.append(mismatch_of(markings))
+    else:
+        markings = Markings(found["verdict"], found["correlation"], found["sigmas"])
     symmetry = better_flip(observation, pose, scene, markings, prior_deg)
     if symmetry is not None:
         doubts.append(doubt_of_symmetry(symmetry))
-    return {"orientation": told, "symmetry": symmetry and symmetry.to_dict(), "doubts": doubts}
+    report = OrientationReport(
+        verdict=markings.verdict, sigmas=markings.sigmas, kept=found["kept"], evidence=plain(found)
+    )
+    return Oriented(report, symmetry, doubts)
 
 
 def similarity_before(observation: Observation, pose: Pose, scene: Scene, settings: ValidateSettings) -> float | None:
@@ -76,3 +130,6 @@ def similarity_before(observation: Observation, pose: Pose, scene: Scene, settin
     match = match_scene(observation, scene.coarser(pose, ACROSS_BEFORE), pose, window)
     similarity: float | None = plain(ssim(match.image, fit_brightness(match, match.simulation.bases)[0], match.usable))
     return similarity
+
+
+STEP = StepType("validate", run, ValidateResult, ValidateSettings)

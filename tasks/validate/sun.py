@@ -1,7 +1,6 @@
 """Is the Sun where the metadata say? The terminator and the shading of the disk show it."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +55,6 @@ class SunReport:
     phase_sigma_deg: float | None = None
     across_deg: float | None = None
     across_sigma_deg: float | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Plain JSON."""
-        return dict(vars(self))
 
 
 def sun_in_image(observation: Observation, pose: Pose, scene: Scene) -> SunReport:

@@ -1,0 +1,52 @@
+"""The image's file as steps are given it: by content, and where it is."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from catalog.digest import input_changed
+from catalog.flips import Flip
+from catalog.observation import Frame
+from catalog.readers import read_frame
+from catalog.target import Target
+from tasks.fields import Content
+
+IMAGES_IN_MEMORY = 4
+
+
+class ImageInputs(Content):
+    """What of an image's file a result depends on. sha256: of the file, label: of its detached label. target: the
+    user's own, a name or what a target file says. flip: how the picture is flipped before anything else."""
+
+    sha256: str
+    label: str | None = None
+    target: Target | str | None = None
+    flip: Flip | None = None
+
+    @property
+    def given_target(self) -> Target | None:
+        """The target of the user's own file; None where the user gave a name or nothing."""
+        return self.target if isinstance(self.target, Target) else None
+
+
+@dataclass(frozen=True)
+class ImageFiles:
+    """image: the file. camera: the user's camera, a name or a file; None asks the label."""
+
+    image: Path
+    camera: str | None
+
+
+def frame_of(image: ImageInputs, files: ImageFiles) -> Frame:
+    """The image file, read with the user's camera and target. Raises RefusedError when it cannot be read, or is not the
+    one of `image` any more."""
+    target = image.target.name if isinstance(image.target, Target) else image.target
+    return _frame(files.image, image.sha256, files.camera, target, image.flip)
+
+
+@lru_cache(maxsize=IMAGES_IN_MEMORY)
+def _frame(path: Path, sha256: str, camera: str | None, target: str | None, flip: Flip | None) -> Frame:
+    frame = read_frame(path, camera, target, flip)
+    if frame.sha256 != sha256:
+        raise input_changed(f"image {path}")
+    return frame
