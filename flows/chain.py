@@ -1,11 +1,12 @@
 """The chain of one image: the steps done so far, their records, and who runs the next."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Generic
 
-from flows.request import Request
+from catalog.errors import PlanetposeError
+from flows.request import KernelLists, Request
 from tasks.record import Record
 from tasks.step import AnyStep, F, I, R, Step, StepType
 
@@ -47,13 +48,31 @@ class Done(Generic[R]):
         return self.step.folder
 
 
-class Chain:
-    """Steps of one image, in the order of doing. run: does a step, or answers from the cache. done: by the steps' names
-    (`point-2`). cached: names of those that were there already."""
+@dataclass(frozen=True)
+class Tried:
+    """A step that was to be done, and its record, or how it failed; neither where something else ended it."""
 
-    def __init__(self, request: Request, run: RunStep) -> None:
+    step: AnyStep
+    record: Record | None = None
+    failure: PlanetposeError | None = None
+
+
+class Chain:
+    """Steps of one image, in the order of doing.
+
+    run: does a step, or answers from the cache. only_asks: nothing is to be written, in the store or elsewhere.
+    kernels: as they are offered. done: by the steps' names (`point-2`). tried: all of them, also those that failed or
+    were done again otherwise. cached: names of those that were there already.
+    """
+
+    def __init__(
+        self, request: Request, run: RunStep, only_asks: bool = False, kernels: KernelLists | None = None
+    ) -> None:
         self.request = request
+        self.only_asks = only_asks
+        self.kernels = kernels or KernelLists()
         self.done: dict[str, Done[Any]] = {}
+        self.tried: list[Tried] = []
         self.cached: list[str] = []
         self._run = run
 
@@ -71,13 +90,26 @@ class Chain:
         name = kind.name if number is None else f"{kind.name}-{number}"
         request = self.request
         step = Step(kind, name, request.product, request.cache, inputs, files, destination, watched)
-        was_there = step.record() is not None
-        record = self._run(step)
+        was_there = not self.only_asks and step.record() is not None
+        record = self._result_of(step)
         if was_there:
             self.cached.append(name)
         done = Done(step, record, step.result_in(record))
         self.done[name] = done
         return done
+
+    def _result_of(self, step: AnyStep) -> Record:
+        tried = Tried(step)
+        try:
+            tried = replace(tried, record=self._run(step))
+        except PlanetposeError as error:
+            tried = replace(tried, failure=error)
+            raise
+        finally:
+            self.tried.append(tried)
+        if tried.record is None:
+            raise TypeError(f"{step.name} has no record")
+        return tried.record
 
     def last(self, kind: StepType[I, F, R]) -> Done[R] | None:
         """The latest step of a kind, None when it was not reached."""

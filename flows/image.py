@@ -46,7 +46,7 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     """Every step after `ingest`."""
     request = chain.request
     refuse_taken(request.product_folder, request.image, frame.sha256)
-    predicted = chain.do(POSE, *inputs.of_pose(request, frame)).result
+    predicted = chain.do(POSE, *inputs.of_pose(request, frame, chain.kernels)).result
     undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
     prior_deg = request.profile.joint.priors.of(predicted.sources).attitude_deg
@@ -56,7 +56,9 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, corrected)
-    forget(request)
+    if not chain.only_asks:
+        forget(request)
+        note_place(request.product_folder, request.image, frame.sha256)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 
@@ -118,9 +120,6 @@ def validate(chain: Chain, corrected: Corrected) -> None:
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:
     """Project every pixel and write the product into the store."""
-    folder, image = chain.request.product_folder, chain.request.image
     told = verdict(None, doubts(chain))
     shown, files, watched = inputs.of_publish(chain, frame, corrected.known, corrected.files, told, result_of(chain))
-    product = chain.do(PUBLISH, shown, files, watched, destination=folder)
-    note_place(folder, image, frame.sha256)
-    return product
+    return chain.do(PUBLISH, shown, files, watched, destination=chain.request.product_folder)

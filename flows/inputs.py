@@ -10,12 +10,12 @@ from catalog.reseau import reseau_table_path
 from flows.chain import Chain, Done
 from flows.guidance import guidance_of, pose_to_resume
 from flows.request import (
+    KernelLists,
     Request,
     basemap_inputs,
     camera_inputs,
     digest_of,
     kernel_inputs,
-    kernels_offered,
     projected_target,
     target_inputs,
     target_names_digest,
@@ -72,10 +72,10 @@ def of_ingest(request: Request) -> tuple[IngestInputs, ImageFiles, Watched]:
     return inputs, ImageFiles(request.image, request.camera), watched_image(request, image)
 
 
-def of_pose(request: Request, frame: IngestResult) -> tuple[PoseInputs, PoseFiles, Watched]:
+def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[PoseInputs, PoseFiles, Watched]:
     """For the step `pose`."""
     image, pose_file = image_inputs(request, frame.sha256), request.pose_file
-    kernels = kernels_offered(request.kernel_paths)
+    kernels = lists.of(request.kernel_paths)
     inputs = PoseInputs(
         image=image,
         camera=frame.camera,

@@ -151,9 +151,20 @@ def _digest_of_toml(folder: Path) -> str:
     return sha256_of_json({path.name: sha256_of_file(path) for path in sorted(folder.glob("*.toml"))})
 
 
-def kernels_offered(paths: list[Path]) -> list[Kernel]:
-    """Every kernel offered, in the order of loading; of a meta-kernel also its members."""
-    return list_kernels(paths)
+class KernelLists:
+    """Kernels as they are offered: a set is looked through once in the life of this, for all images of a list share a
+    few sets."""
+
+    def __init__(self) -> None:
+        self._listed: dict[tuple[Path, ...], list[Kernel]] = {}
+
+    def of(self, paths: list[Path]) -> list[Kernel]:
+        """Every kernel offered, in the order of loading; of a meta-kernel also its members. Raises RefusedError as
+        `list_kernels`."""
+        key = tuple(paths)
+        if key not in self._listed:
+            self._listed[key] = list_kernels(paths)
+        return self._listed[key]
 
 
 def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:

@@ -2,6 +2,7 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -9,7 +10,6 @@ from typing import Any
 from catalog.digest import remember_digests
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_files import own_json
-from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.parameters import settings_of
@@ -17,6 +17,7 @@ from flows.reprocessing.planning import plan_of
 from flows.reprocessing.requests import requests_of
 from flows.reprocessing.settings import BOOKS
 from flows.reprocessing.tally import RUNS, STATUSES
+from flows.request import KernelLists
 from flows.verdict import PUBLISHED
 
 Status = dict[str, Any]
@@ -115,9 +116,9 @@ def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
     found: dict[str, Any] = {"list": run.get("list"), "profile": run.get("profile"), "fault": None}
     try:
         settings = settings_of(**run.get("parameters", {}))
-        forget()
         remember_digests(settings.cache / DIGESTS)
-        plans = [plan_of(request, settings) for request in requests_of(settings)]
+        kernels = KernelLists()
+        plans = [replace(plan_of(each, settings, kernels), trace={}, last=None) for each in requests_of(settings)]
     except PlanetposeError as error:
         return found | {"fault": error.reason, "images": None, "why": {}, "products": []}
     wanted = [plan for plan in plans if plan.do]

@@ -7,11 +7,13 @@ that reaches it. Data files (cameras, targets, maps, reseau tables) do not count
 
 import hashlib
 import json
+import sys
 from collections.abc import Collection
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from catalog.errors import RefusedError
 from catalog.regular_file import read_regular_text
 from catalog.settings import PROJECT_ROOT, cache_folder
 from tasks.atomic import file_put_in_place
@@ -19,6 +21,8 @@ from tasks.source_code import ModuleSource, read_source
 
 PACKAGES = ("catalog", "tasks", "flows")
 KNOWN_SOURCES = "code/sources.json"
+# Some versions of some 500 modules; then those that are not of the present sources are dropped.
+MOST_KNOWN = 5000
 
 
 @cache
@@ -28,9 +32,11 @@ def code_version(module: str, without: Collection[str] = frozenset()) -> str:
     without: modules that are not followed, nor counted. Raises LookupError when there is no such module.
     """
     sources = project_sources()
+    sources.count_package_of(module)
     digest = hashlib.sha256()
     for name in sorted(sources.reached_from(module, without)):
         digest.update(f"{name}\0{sources.of(name).digest}\0".encode())
+    keep_known_sources()
     return digest.hexdigest()[:16]
 
 
@@ -44,6 +50,15 @@ class Sources:
         self.new: dict[str, ModuleSource] = {}
         self._of: dict[str, ModuleSource] = {}
         self._paths: dict[str, Path | None] = {}
+        self.others: dict[str, Path] = {}
+
+    def count_package_of(self, module: str) -> None:
+        """Count the top-level package of an imported module too: another distribution's step is not of this project."""
+        top = module.partition(".")[0]
+        file = getattr(sys.modules.get(top), "__file__", None)
+        if top not in PACKAGES and file:
+            path = Path(file)
+            self.others[top] = path.parent.parent if path.name == "__init__.py" else path.parent
 
     def of(self, module: str) -> ModuleSource:
         """What is known of one module's source. Raises LookupError when there is no such module."""
@@ -62,9 +77,10 @@ class Sources:
     def path_of(self, module: str) -> Path | None:
         """File of a module or package; None when there is none, or it is none of this project's."""
         if module not in self._paths:
-            parts = module.split(".")
-            plain = self.root.joinpath(*parts)
-            candidates = (plain / "__init__.py", plain.with_suffix(".py")) if parts[0] in PACKAGES else ()
+            top = module.partition(".")[0]
+            root = self.root if top in PACKAGES else self.others.get(top)
+            plain = root.joinpath(*module.split(".")) if root else None
+            candidates = (plain / "__init__.py", plain.with_suffix(".py")) if plain else ()
             self._paths[module] = next((path for path in candidates if path.is_file()), None)
         return self._paths[module]
 
@@ -100,9 +116,10 @@ def keep_known_sources() -> None:
     sources = project_sources()
     if not sources.new:
         return
-    used = {key: source.to_json() for key, source in (_read_known() | sources.known).items()}
-    path = cache_folder() / KNOWN_SOURCES
-    with suppress(OSError):
+    known = sources.known if len(sources.known) < MOST_KNOWN else sources.new
+    used = {key: source.to_json() for key, source in known.items()}
+    with suppress(OSError, RefusedError):
+        path = cache_folder() / KNOWN_SOURCES
         path.parent.mkdir(parents=True, exist_ok=True)
         with file_put_in_place(path) as temporary:
             temporary.write_text(json.dumps(used), encoding="utf-8")
@@ -114,5 +131,5 @@ def _read_known() -> dict[str, ModuleSource]:
     try:
         content = json.loads(read_regular_text(cache_folder() / KNOWN_SOURCES))
         return {str(key): ModuleSource.from_json(value) for key, value in content.items()}
-    except (OSError, ValueError, TypeError, LookupError, AttributeError):
+    except (RefusedError, OSError, ValueError, TypeError, LookupError, AttributeError):
         return {}

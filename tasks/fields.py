@@ -26,4 +26,6 @@ CameraField = Annotated[Camera, PlainSerializer(lambda camera: camera.model_dump
 class Content(BaseModel):
     """Base of what steps are given and return: frozen, and without fields that nobody declared."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", arbitrary_types_allowed=True, ser_json_inf_nan="constants"
+    )  # what is not finite is an error where it is written, not a null

@@ -16,6 +16,7 @@ from flows.reprocessing.settings import BOOKS, Limits, Settings, processors
 from flows.reprocessing.workforce import Workforce
 from flows.reprocessing.workman import LostError, Message
 from flows.runners import THREADS
+from tasks.fields import Json
 
 Job = dict[str, Any]
 DIGESTS = "digests.json"
@@ -34,12 +35,20 @@ def job_of(plan: Plan, settings: Settings, run: str) -> Job:
     places = {"store": request.store.absolute(), "image": request.image.absolute(), "cache": request.cache.absolute()}
     return {
         "request": request.model_copy(update=places).model_dump(mode="json", by_alias=True),
-        "fingerprint": plan.fingerprint,
+        "image_sha256": None if plan.image.startswith("fault: ") else plan.image,
+        "changed": plan.changed,
+        "trace": without_results(plan.trace),
         "limits": settings.limits.model_dump(),
         "digests": str(settings.cache.absolute() / DIGESTS),
         "threads": threads_of(settings),
         "run": run,
     }
+
+
+def without_results(trace: Json) -> Json:
+    """A trace that says what an image depends on, and nothing of what its steps came to."""
+    entries = [{**entry, "result": None, "failure": None} for entry in trace.get("steps", [])]
+    return {"profile": trace.get("profile"), "steps": entries}
 
 
 def threads_of(settings: Settings) -> int:
@@ -81,7 +90,7 @@ def outcome_of(job: Job, end: Message) -> Outcome:
     result, steps = end["result"], end["steps"]
     peaks = [step["peak_mb"] for step in steps.values() if step.get("peak_mb")]
     return Outcome(
-        **known_beforehand(job, result["status"]),
+        **known_beforehand(job, result["status"]) | {"trace": end["trace"]},
         reason=result["reason"],
         passing=end["passing"],
         key=end["key"],
@@ -105,12 +114,13 @@ def known_beforehand(job: Mapping[str, Any], status: str) -> dict[str, Any]:
     """What the job says, and how often it ended like this."""
     request = job["request"]
     last = read_outcome(Path(request["store"]) / BOOKS, request["product"], request["image"])
-    same = last is not None and last.passing and last.fingerprint == job["fingerprint"] and last.run != job["run"]
+    same = last is not None and last.passing and not job["changed"] and last.run != job["run"]
     return {
         "product": request["product"],
         "image": request["image"],
         "status": status,
-        "fingerprint": job["fingerprint"],
+        "trace": job["trace"],
+        "image_sha256": job["image_sha256"],
         "run": job["run"],
         "at": now_utc(),
         "tries": last.tries + 1 if last and same else last.tries if last and last.run == job["run"] else 1,

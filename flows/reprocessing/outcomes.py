@@ -13,7 +13,6 @@ from typing import Any
 
 from catalog.plain_files import own_json
 from catalog.regular_file import read_regular_text
-from flows.reprocessing.fingerprint import Fingerprint
 from tasks.atomic import file_put_in_place
 from tasks.publish.origin import OTHER_IMAGE
 
@@ -24,7 +23,8 @@ IMAGES = "images"
 class Outcome:
     """How an image ended.
 
-    passing: the fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
+    trace: of its steps, see `flows.trace`. image_sha256: of its file, None when that could not be read. passing: the
+    fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
     published product. seconds, cpu_s: by the clock, and of the processor. steps: per step seconds, peak_mb, cached.
     at: UTC of the end. run: the run that did it.
     """
@@ -33,9 +33,10 @@ class Outcome:
     image: str
     status: str
     reason: str | None
-    fingerprint: Fingerprint
+    trace: dict[str, Any]
     run: str
     at: str
+    image_sha256: str | None = None
     passing: bool = False
     tries: int = 1
     key: str | None = None

@@ -1,54 +1,98 @@
 """What has to be done for an image, and why."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from catalog.errors import RefusedError
-from flows.reprocessing.fingerprint import Fingerprint, differences, fingerprint_of, in_words
+from catalog.errors import PlanetposeError, RefusedError
+from flows.chain import Chain, NotCachedError
 from flows.reprocessing.outcomes import Outcome, read_outcome
 from flows.reprocessing.settings import Settings
-from flows.request import Request
+from flows.request import KernelLists, Request, digest_of
+from flows.trace import asked, changes, trace_of
 from flows.verdict import PUBLISHED
+from tasks.fields import Json
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
 from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_other_image
 from tasks.record import read_record
+from tasks.registry import PUBLISH
+
+IMAGE_MISSING = "image-missing"
+SHOWN = 4
 
 
 @dataclass(frozen=True)
 class Plan:
-    """do: whether the image is to be done. why: the reason, for people. fingerprint: of all that it depends on now.
-    last: what is remembered of it."""
+    """do: whether the image is to be done. why: the reason, for people. image: digest of the image's file, or its fault
+    when it cannot be read. changed: whether it is another reason than a fault that may pass. trace: of its steps, as
+    far as they are known now. last: what is remembered of it."""
 
     request: Request
     do: bool
     why: str
-    fingerprint: Fingerprint
+    image: str
+    changed: bool = True
+    trace: Json = field(default_factory=dict)
     last: Outcome | None = None
 
 
-def plan_of(request: Request, settings: Settings) -> Plan:
-    """Whether to do an image, and why."""
+def plan_of(request: Request, settings: Settings, kernels: KernelLists | None = None) -> Plan:
+    """Whether to do an image, and why: by the keys of its steps, as `correct` has them."""
     last = read_outcome(settings.books, request.product, request.image)
-    fingerprint = fingerprint_of(request)
-    reason = reason_to_do(request, settings, fingerprint, last)
-    why = reason or f"unchanged ({last.status})" if last else reason or "new"
-    return Plan(request, reason is not None, why, fingerprint, last)
+    image = image_or_fault(request)
+    name = reason_of_name(request, image, last)
+    if last is None or name:
+        return Plan(request, True, name or new_in_words(image), image, last=last)
+    chain, ended_by = asked(request, last.trace, kernels or KernelLists())
+    plan = Plan(request, True, "", image, trace=trace_of(chain), last=last)
+    changed = reason_of_change(chain, ended_by, last)
+    if changed:
+        return replace(plan, why=changed)
+    other = other_reason(request, settings, last)
+    return replace(plan, do=other is not None, why=other or f"unchanged ({last.status})", changed=False)
 
 
-def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint, last: Outcome | None) -> str | None:
-    """Why an image has to be done; None when it has not."""
-    same = last is not None and last.status in PUBLISHED and last.fingerprint.get("image") == fingerprint["image"]
-    taken = None if same else taken_by_another(request, fingerprint)
-    if last is None and taken is None:
-        return "missing" if is_missing(fingerprint) else new_in_words(fingerprint)
-    if last is None or (taken is not None and last.code != OTHER_IMAGE):
+def image_or_fault(request: Request) -> str:
+    """Digest of the image's file, or `fault: ` and why it cannot be read."""
+    try:
+        return digest_of(request.image, "image")
+    except PlanetposeError as error:
+        return f"fault: {error.reason}"
+
+
+def reason_of_name(request: Request, image: str, last: Outcome | None) -> str | None:
+    """Why an image has to be done whose name is another one's, or was; None where there is nothing of that kind."""
+    same = last is not None and last.status in PUBLISHED and last.image_sha256 == image
+    taken = None if same else taken_by_another(request, image)
+    if taken is not None and (last is None or last.code != OTHER_IMAGE):
         return f"its name is taken: {taken}"
-    if taken is None and last.code == OTHER_IMAGE:
+    if taken is None and last is not None and last.code == OTHER_IMAGE:
         return "its name is free now"
-    changes = differences(last.fingerprint, fingerprint)
-    if changes:
-        return f"changed: {in_words(changes)}"
+    return None
+
+
+def reason_of_change(chain: Chain, ended_by: Exception | None, last: Outcome) -> str | None:
+    """What changed since the image was done, so that a step of it has to be done, or the end would be another."""
+    if ended_by is None and last.status in PUBLISHED:
+        product = chain.last(PUBLISH)
+        return None if product and product.key == last.key else "changed: the product's key"
+    if isinstance(ended_by, PlanetposeError) and ended_by.code == last.code:
+        return None
+    found = changes(last.trace, chain)
+    if isinstance(ended_by, NotCachedError) and not found and last.passing:
+        return None
+    if isinstance(ended_by, PlanetposeError):
+        missing = ended_by.code == IMAGE_MISSING
+        found.append("image (is gone)" if missing else ended_by.reason)
+    elif not found:
+        found.append(f"step {ended_by}" if isinstance(ended_by, NotCachedError) else "the verdict")
+    if last.code == IMAGE_MISSING and "image" not in found:
+        found.insert(0, "image (is there now)")
+    return f"changed: {in_words(found)}"
+
+
+def other_reason(request: Request, settings: Settings, last: Outcome) -> str | None:
+    """Why an image has to be done of which nothing changed; None when it has not."""
     if settings.force:
         return "forced"
     if last.status in PUBLISHED:
@@ -59,26 +103,31 @@ def reason_to_do(request: Request, settings: Settings, fingerprint: Fingerprint,
     return f"{last.status} before ({last.code})" if settings.again else None
 
 
-def taken_by_another(request: Request, fingerprint: Fingerprint) -> str | None:
+def taken_by_another(request: Request, image: str) -> str | None:
     """The fault, when the product of the image's name is another image's; its own steps will tell it."""
     try:
-        refuse_other_image(
-            origin_of(request.product_folder), str(request.product_folder), request.image, str(fingerprint["image"])
-        )
+        refuse_other_image(origin_of(request.product_folder), str(request.product_folder), request.image, image)
     except RefusedError as error:
-        return None if str(fingerprint["image"]).startswith("fault: ") else error.fault
+        return None if image.startswith("fault: ") else error.fault
     return None
 
 
-def new_in_words(fingerprint: Fingerprint) -> str:
-    """`new`, and what its own steps will tell of the image's file."""
-    image = str(fingerprint["image"])
+def new_in_words(image: str) -> str:
+    """`new`, and what its own steps will tell of the image's file; `missing` where that is not there."""
+    if is_missing(image):
+        return "missing"
     return f"new, and will be refused: {image.removeprefix('fault: ')}" if image.startswith("fault: ") else "new"
 
 
-def is_missing(fingerprint: Fingerprint) -> bool:
+def is_missing(image: str) -> bool:
     """Whether the image's file is not there."""
-    return str(fingerprint["image"]).startswith("fault: image-missing")
+    return image.startswith(f"fault: {IMAGE_MISSING}")
+
+
+def in_words(changes: list[str]) -> str:
+    """A few of them on one line."""
+    more = f" and {len(changes) - SHOWN} more" if len(changes) > SHOWN else ""
+    return "; ".join(changes[:SHOWN]) + more
 
 
 def product_fault(folder: Path, last: Outcome, verify: bool) -> str | None:
@@ -123,6 +172,6 @@ def has_content(path: Path) -> bool:
 def plans_in_words(plans: Sequence[Plan]) -> str:
     """How many images would be done, and of how many of them the file is not there."""
     wanted = [plan for plan in plans if plan.do]
-    missing = sum(is_missing(plan.fingerprint) for plan in wanted)
+    missing = sum(is_missing(plan.image) for plan in wanted)
     words = f"{len(wanted)} of {len(plans)} images would be done"
     return f"{words}; the files of {missing} are missing (--fetch gets those with an address)" if missing else words

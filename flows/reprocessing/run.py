@@ -4,7 +4,7 @@ import logging
 import time
 import uuid
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +14,6 @@ from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from flows.indexing import index_store
 from flows.reprocessing.fetching import fetch_missing
-from flows.reprocessing.fingerprint import forget
 from flows.reprocessing.one_image import DIGESTS
 from flows.reprocessing.outcomes import Outcome, read_outcome
 from flows.reprocessing.parameters import parameters_of
@@ -23,7 +22,7 @@ from flows.reprocessing.requests import listed, requests_of
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
 from flows.reprocessing.tally import Tally, row_of, write_tables
-from flows.request import Request
+from flows.request import KernelLists, Request
 from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place
 from tasks.publish.origin import note_place
@@ -44,8 +43,9 @@ class Run:
 
     def plans(self) -> Iterator[Plan]:
         """The plan of every image, in the list's order, made when it is asked for."""
+        kernels = KernelLists()
         for request in self.requests:
-            plan = plan_of(request, self.settings)
+            plan = plan_of(request, self.settings, kernels)
             if plan.do:
                 self.why[request.product] = plan.why
             yield plan
@@ -54,7 +54,7 @@ class Run:
         """Count an image that need not be done; its product remembers where it lies now."""
         self.tally.add(plan.last, done=False)
         if plan.last is not None and plan.last.status in PUBLISHED:
-            note_place(plan.request.product_folder, plan.request.image, str(plan.fingerprint["image"]))
+            note_place(plan.request.product_folder, plan.request.image, plan.image)
 
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
@@ -81,7 +81,6 @@ class Run:
 def begin(settings: Settings) -> Run:
     """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of`, FailedError
     when the store cannot be written to."""
-    forget()
     remember_digests(settings.cache / DIGESTS)
     if settings.fetch:
         fetch_missing(listed(settings), settings)
@@ -99,11 +98,10 @@ def begin(settings: Settings) -> Run:
 
 def planned(settings: Settings) -> tuple[Run, list[Plan]]:
     """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
-    forget()
     remember_digests(settings.cache / DIGESTS)
     requests = requests_of(settings)
     run = Run(settings, "dry", requests, Tally(len(requests)))
-    return run, list(run.plans())
+    return run, [replace(plan, trace={}, last=None) for plan in run.plans()]
 
 
 def save_digests() -> None:

@@ -23,6 +23,7 @@ from flows.reprocessing.faults import can_pass
 from flows.reprocessing.memory import give_back, peak_mb, reset_peak, resident_mb
 from flows.request import Request
 from flows.result import result_of
+from flows.trace import trace_of
 from tasks.record import RECORD_FILE, Record
 from tasks.registry import PUBLISH
 from tasks.step import AnyStep, run
@@ -94,7 +95,7 @@ def do(request: Request, voice: Voice) -> None:
         metrics: dict[str, dict[str, Any]] = {}
         chain = Chain(request, lambda step: measured(step, voice, metrics))
         error = correct(chain)
-        result = result_of(chain, error)
+        result, passing = result_of(chain, error), error is not None and can_pass(error)
         for sentence in (*result["guidance"]["overruled"], *result["warnings"]):
             logger.warning("%s: %s", request.product, sentence)
     give_back()
@@ -102,7 +103,8 @@ def do(request: Request, voice: Voice) -> None:
         "end",
         result=result,
         key=product.key if (product := chain.last(PUBLISH)) else None,
-        passing=error is not None and can_pass(error),
+        passing=passing,
+        trace=trace_of(chain, failures=not passing),
         steps=metrics,
         seconds=round(time.perf_counter() - started, 3),
         cpu_s=round(time.process_time() - worked, 3),

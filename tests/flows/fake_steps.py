@@ -2,11 +2,13 @@
 
 import os
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from catalog.errors import FailedError, RefusedError
-from tasks.work import Work
+from tasks.fields import Content
+from tasks.step import StepType
+from tasks.work import NoFiles, Work
 
 
 def done(log: Path) -> list[str]:
@@ -16,46 +18,106 @@ def done(log: Path) -> list[str]:
     return names
 
 
-def run(work: Work) -> dict[str, Any]:
-    """What `inputs["do"]` says."""
+def note(name: str) -> None:
+    """Leave a trace."""
     with open(os.environ["FAKE_STEPS_LOG"], "a") as log:
-        log.write(f"{work.inputs['do']}\n")
-    return {"read": read, "double": double, "publish": publish, "slow": slow}[work.inputs["do"]](work)
+        log.write(f"{name}\n")
 
 
-def read(work: Work) -> dict[str, Any]:
+class Number(Content):
+    """What a step comes to."""
+
+    number: float
+
+
+class ReadInputs(Content):
+    """What the result depends on."""
+
+    image: str
+    n: float = 1.0
+
+
+@dataclass(frozen=True)
+class ImageFile:
+    """Where the number is."""
+
+    image: Path
+
+
+def read(inputs: ReadInputs, files: ImageFile, _: Work) -> Number:
     """The number in a file; some words stand for trouble."""
-    text = work.place("image").read_text().strip()
+    note("read")
+    text = files.image.read_text().strip()
     if text == "refuse":
-        raise RefusedError("no-number", f"image {work.places['image']} holds no number.", "Write one.")
+        raise RefusedError("no-number", f"image {files.image} holds no number.", "Write one.")
     if text == "fail":
         raise FailedError("did-not-converge", "it went round in circles.")
     if text == "bug":
         raise ZeroDivisionError("nobody thought of this")
     if text == "disk":
         raise OSError(28, "No space left on device")
-    return {"number": float(text)}
+    return Number(number=float(text) * inputs.n)
 
 
-def double(work: Work) -> dict[str, Any]:
+class DoubleInputs(Content):
+    """What the result depends on."""
+
+    before: str
+    number: float
+    setting: float
+
+
+def double(inputs: DoubleInputs, _: NoFiles, work: Work) -> Number:
     """Twice the number of the step before, times a setting."""
-    from tasks.record import record_in
-
+    note("double")
     work.progress("double", 1, "doubling")
-    number = record_in(work.place("before")).result["number"]
-    return {"number": 2 * number * work.inputs["setting"]}
+    return Number(number=2 * inputs.number * inputs.setting)
 
 
-def publish(work: Work) -> dict[str, Any]:
+class PublishInputs(Content):
+    """What the product depends on."""
+
+    before: str
+
+
+class Product(Content):
+    """What was published."""
+
+    product: str
+
+
+def publish(_: PublishInputs, __: NoFiles, work: Work) -> Product:
     """A product of one file."""
+    note("publish")
     (work.folder / "product.txt").write_text("whole")
-    return {"product": "product.txt"}
+    return Product(product="product.txt")
 
 
-def slow(work: Work) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Signs:
+    """Files by which the step and its test talk."""
+
+    started: Path
+    go_on: Path
+
+
+class Process(Content):
+    """Who did it."""
+
+    pid: int
+
+
+def slow(_: Content, files: Signs, work: Work) -> Process:
     """Write half, tell the test, wait to be killed or until the file `go_on` exists."""
+    note("slow")
     (work.folder / "half.txt").write_text("half")
-    Path(work.places["started"]).touch()
-    while not Path(work.places["go_on"]).exists():
+    files.started.touch()
+    while not files.go_on.exists():
         time.sleep(0.01)
-    return {"pid": os.getpid()}
+    return Process(pid=os.getpid())
+
+
+READ = StepType("read", read, Number)
+DOUBLE = StepType("double", double, Number)
+PUBLISH = StepType("publish", publish, Product)
+SLOW = StepType("slow", slow, Process)

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_steps import done
+from fake_steps import DOUBLE, PUBLISH, READ, DoubleInputs, ImageFile, PublishInputs, ReadInputs, done
 
 from flows.chain import Chain
 from flows.progress import Silent
 from flows.request import Request
 from flows.run import run_requests
+from tasks.work import NoFiles
 
 CHAIN = ("read", "double-1", "double-2", "publish")
 SETTINGS = {"double-1": 1.0, "double-2": 1.0}
@@ -26,14 +27,12 @@ def fake_chain(chain: Chain) -> None:
     from catalog.digest import sha256_of_file
 
     image = chain.request.image
-    chain.do("read", "fake_steps", {"do": "read", "image": sha256_of_file(image)}, {"image": str(image)})
-    latest = "read"
-    for name in ("double-1", "double-2"):
-        inputs = {"do": "double", "before": chain.key(latest), "setting": SETTINGS[name]}
-        chain.do(name, "fake_steps", inputs, {"before": chain.folder(latest)})
-        latest = name
-    inputs = {"do": "publish", "before": chain.key(latest)}
-    chain.do("publish", "fake_steps", inputs, {}, chain.request.product_folder)
+    latest = chain.do(READ, ReadInputs(image=sha256_of_file(image)), ImageFile(image))
+    for number in (1, 2):
+        setting = SETTINGS[f"double-{number}"]
+        inputs = DoubleInputs(before=latest.key, number=latest.result.number, setting=setting)
+        latest = chain.do(DOUBLE, inputs, NoFiles(), number=number)
+    chain.do(PUBLISH, PublishInputs(before=latest.key), NoFiles(), destination=chain.request.product_folder)
 
 
 @pytest.fixture
@@ -42,7 +41,7 @@ def run(prefect_api: str, plain_environment: dict[str, Any], monkeypatch: pytest
     for module in ("flows.correct", "flows.plan"):
         monkeypatch.setattr(f"{module}.correct_image", fake_chain)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
-    monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.steps["publish"].folder)})
+    monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.done["publish"].folder)})
 
     def run_images(*images: Path, **changes: Any) -> list[dict[str, Any]]:
         told: list[dict[str, Any]] = []
@@ -101,7 +100,7 @@ def test_deleting_one_result_redoes_only_that_step(
     done(work_log)
     chain = Chain(Request(image=file, **plain_environment), only_cached)
     fake_chain(chain)
-    shutil.rmtree(chain.folder(lost))
+    shutil.rmtree(chain.done[lost].folder)
     assert run(file)[0]["cached"] == [name for name in CHAIN if name != lost]
     assert done(work_log) == [lost.partition("-")[0]]
 

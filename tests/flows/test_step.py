@@ -9,13 +9,16 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
-from fake_steps import done
+from fake_steps import PUBLISH, READ, SLOW, ImageFile, PublishInputs, ReadInputs, Signs, done
 
 from tasks import step as step_module
+from tasks.fields import Content
 from tasks.record import RECORD_FILE, read_record
 from tasks.step import Step, run
+from tasks.work import NoFiles
 
 HERE = Path(__file__).parent
 
@@ -30,7 +33,7 @@ def make_step(tmp_path: Path) -> Callable[..., Step]:
     image.write_text("7")
 
     def make(**changes: object) -> Step:
-        step = Step("read", "fake_steps", "seven", tmp_path / "cache", {"do": "read", "n": 1}, {"image": str(image)})
+        step = Step(READ, "read", "seven", tmp_path / "cache", ReadInputs(image="seven"), ImageFile(image))
         return replace(step, **changes)
 
     return make
@@ -40,18 +43,26 @@ def test_the_key_depends_on_inputs_and_code_and_on_nothing_else(
     make_step: Callable[..., Step], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key = make_step().key
-    assert make_step(places={"image": "/elsewhere"}, product="other", cache=Path("/c"), name="read-2").key == key
-    assert make_step(inputs={"n": 1, "do": "read"}).key == key  # order of keys
-    assert make_step(inputs={"do": "read", "n": 2}).key != key
-    assert make_step(body="another").key != key
+    elsewhere = ImageFile(Path("elsewhere"))
+    assert make_step(files=elsewhere, product="other", cache=Path("c"), name="read-2").key == key
+    assert make_step(inputs=ReadInputs(n=1, image="seven")).key == key
+    assert make_step(inputs=ReadInputs(image="seven", n=2)).key != key
+    assert make_step(kind=replace(READ, name="another")).key != key
+    assert make_step(kind=replace(READ, schema_version=2)).key != key
     monkeypatch.setattr(step_module, "code_version", lambda module: "newer")
     assert make_step().key != key
 
 
-@pytest.mark.parametrize("value", [Path("x"), {1, 2}, float("nan"), float("inf"), b"bytes"])
+class Anything(Content):
+    """Inputs of any kind."""
+
+    value: Any
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), object()])
 def test_an_input_that_is_not_plain_json_is_an_error(make_step: Callable[..., Step], value: object) -> None:
     with pytest.raises((TypeError, ValueError)):
-        _ = make_step(inputs={"do": "read", "value": value}).key
+        _ = make_step(inputs=Anything(value=value)).key
 
 
 def test_a_step_works_once(make_step: Callable[..., Step], work_log: Path) -> None:
@@ -68,7 +79,7 @@ def test_the_record_is_plain_json_that_says_what_the_result_depends_on(
     step = make_step()
     run(step, quiet)
     content = json.loads((step.folder / RECORD_FILE).read_text())
-    assert content["inputs"] == {"do": "read", "n": 1}
+    assert content["inputs"] == {"image": "seven", "n": 1}
     assert content["key"] == step.key
     assert set(content) == {"step", "key", "code", "inputs", "result", "seconds", "written"}
     assert done(work_log) == ["read"]
@@ -76,7 +87,7 @@ def test_the_record_is_plain_json_that_says_what_the_result_depends_on(
 
 def test_a_step_that_fails_leaves_nothing_behind(make_step: Callable[..., Step], work_log: Path) -> None:
     step = make_step()
-    Path(step.places["image"]).write_text("refuse")
+    step.files.image.write_text("refuse")
     with pytest.raises(Exception, match="holds no number"):
         run(step, quiet)
     assert [path for path in step.cache.rglob("*") if path.is_file()] == []
@@ -99,7 +110,7 @@ def test_a_result_that_json_cannot_hold_is_an_error_and_leaves_nothing(
     make_step: Callable[..., Step], work_log: Path
 ) -> None:
     step = make_step()
-    Path(step.places["image"]).write_text("nan")
+    step.files.image.write_text("nan")
     with pytest.raises(ValueError, match="JSON"):
         run(step, quiet)
     assert step.record() is None
@@ -111,8 +122,9 @@ def test_an_older_product_is_exchanged_for_the_new_one(
     make_step: Callable[..., Step], work_log: Path, tmp_path: Path
 ) -> None:
     product = tmp_path / "store" / "seven"
-    old = make_step(inputs={"do": "publish", "n": 1}, destination=product)
-    new = make_step(inputs={"do": "publish", "n": 2}, destination=product)
+    published: dict[str, Any] = {"kind": PUBLISH, "files": NoFiles(), "destination": product}
+    old = make_step(inputs=PublishInputs(before="1"), **published)
+    new = make_step(inputs=PublishInputs(before="2"), **published)
     run(old, quiet)
     run(new, quiet)
     assert new.record() is not None
@@ -126,9 +138,11 @@ SCRIPT = """
 import sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
+from fake_steps import SLOW, Signs
+from tasks.fields import Content
 from tasks.step import Step, run
-places = {"started": sys.argv[3], "go_on": sys.argv[4]}
-record = run(Step("slow", "fake_steps", "p", Path(sys.argv[2]), {"do": "slow"}, places), lambda *_: None)
+files = Signs(Path(sys.argv[3]), Path(sys.argv[4]))
+record = run(Step(SLOW, "slow", "p", Path(sys.argv[2]), Content(), files), lambda *_: None)
 print(record.result["pid"])
 """
 
@@ -153,8 +167,7 @@ def test_kill_9_leaves_no_half_result_and_the_next_run_cleans_up(tmp_path: Path,
     process = start_slow_step(cache, tmp_path / "started", tmp_path / "never")
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    places = {"started": str(tmp_path / "again"), "go_on": str(tmp_path)}
-    step = Step("slow", "fake_steps", "p", cache, {"do": "slow"}, places)
+    step = Step(SLOW, "slow", "p", cache, Content(), Signs(tmp_path / "again", tmp_path))
     assert step.record() is None
     assert not step.folder.exists()
     assert len(list(step.folder.parent.iterdir())) == 1  # the killed one's temporary
@@ -172,5 +185,5 @@ def test_two_processes_at_the_same_key_both_succeed_with_one_result(tmp_path: Pa
     assert [process.returncode for process in processes] == [0, 0]
     assert len(answers) == 1  # the one who came first
     assert done(work_log) == ["slow", "slow"]
-    step = Step("slow", "fake_steps", "p", cache, {"do": "slow"}, {})
+    step = Step(SLOW, "slow", "p", cache, Content(), Signs(tmp_path, tmp_path))
     assert [path.name for path in step.folder.parent.iterdir()] == [step.key]

@@ -1,0 +1,151 @@
+"""What is remembered of an image's steps, so that a later run knows by the same keys what has to be done, and why.
+
+A trace is plain JSON: the profile, and of each step its name, key, code version and inputs, with its result or its
+failure. It holds all that the flow needs to find its way again, also when the cache of steps is gone.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, cast
+
+from catalog.errors import FailedError, PlanetposeError, RefusedError
+from flows.chain import Chain, NotCachedError, RunStep, Tried
+from flows.image import correct_image
+from flows.request import KernelLists, Request
+from tasks.fields import Json
+from tasks.record import Record
+from tasks.registry import STEPS
+from tasks.step import AnyStep
+
+FAILURES: dict[str, type[PlanetposeError]] = {kind.status: kind for kind in (FailedError, RefusedError)}
+# Inputs of steps in the words of people. What earlier steps found is named there, and settings by themselves.
+NAMES = {
+    "ingest": {
+        "image.sha256": "image",
+        "image.label": "label",
+        "image.target": "target",
+        "image.flip": "flip",
+        "camera": "camera",
+        "target_names": "catalog: targets",
+    },
+    "pose": {"pose_file": "pose file", "kernels": "kernels"},
+    "undistort": {"mask": "mask", "reseau_tables": "catalog: reseau tables"},
+    "start": {"start_offset_px": "start offset", "resume": "pose to resume from"},
+    "point": {"scene.basemap": "base map"},
+    "publish": {"scene.target": "shape", "judgement": "code of the verdict"},
+    "upload": {"url": "object store"},
+}
+
+
+def trace_of(chain: Chain, failures: bool = True) -> Json:
+    """What the steps of a chain came to. failures: whether those that failed would fail again."""
+    entries = [entry_of(tried if failures else replace(tried, failure=None)) for tried in chain.tried]
+    return {"profile": chain.request.profile.resolved(), "steps": entries}
+
+
+def entry_of(tried: Tried) -> Json:
+    """One step of a trace."""
+    step, failure = tried.step, tried.failure
+    told = (
+        {"status": failure.status, "code": failure.code, "fault": failure.fault, "remedy": failure.remedy}
+        if failure
+        else None
+    )
+    result = tried.record.result if tried.record else None
+    known = {"name": step.name, "key": step.key, "code": step.code, "inputs": step.plain_inputs}
+    return {**known, "result": result, "failure": told}
+
+
+def answering(trace: Json) -> RunStep:
+    """Answers for a chain: by the trace, where a step has the same key, else from the cache. Raises NotCachedError."""
+    known = {entry["key"]: entry for entry in trace.get("steps", [])}
+
+    def answer(step: AnyStep) -> Record:
+        entry = known.get(step.key)
+        if entry and entry["failure"]:
+            told = entry["failure"]
+            raise FAILURES[told["status"]](told["code"], told["fault"], told["remedy"])
+        if entry and entry["result"] is not None:
+            return Record(step.name, step.key, step.code, step.plain_inputs, entry["result"], 0.0, "")
+        record = None if step.destination or step.kind.find_record else step.record()
+        if record is None:
+            raise NotCachedError(step)
+        return record
+
+    return answer
+
+
+def asked(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
+    """The chain of an image as far as trace and cache answer it, and what ended it: NotCachedError at the first step
+    that has to be done, a failure, or None where there is nothing to do. Nothing is written."""
+    chain = Chain(request, answering(trace), only_asks=True, kernels=kernels)
+    try:
+        correct_image(chain)
+    except (NotCachedError, PlanetposeError, OSError) as error:
+        return chain, error
+    return chain, None
+
+
+def changes(trace: Json, chain: Chain) -> list[str]:
+    """What is another than when the trace was made, for people: `settings: range.ssim.step 0.001 -> 0.002`, `code of
+    point`, `kernel naif0012.tls`. A chain that came to a step which is not in the trace shows more than its inputs."""
+    before = {entry["name"]: entry for entry in trace.get("steps", [])}
+    found: list[str] = []
+    for tried in chain.tried:
+        kind = tried.step.kind.name
+        old = before.get(tried.step.name)
+        if old and old["key"] != tried.step.key:
+            found += inputs_changed(NAMES.get(kind, NAMES["point"]), old["inputs"], tried.step.plain_inputs)
+    settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
+    found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
+    kinds = dict.fromkeys(name.partition("-")[0] for name in before)
+    codes = {step.name: step for step in STEPS}
+    found += [f"code of {kind}" for kind in kinds if kind in codes and codes[kind].code != code_in(trace, kind)]
+    return list(dict.fromkeys(found))
+
+
+def code_in(trace: Json, kind: str) -> str:
+    """The code version of a kind of step in a trace."""
+    return next(str(entry["code"]) for entry in trace["steps"] if entry["name"].partition("-")[0] == kind)
+
+
+def inputs_changed(names: dict[str, str], before: Json, after: Json) -> list[str]:
+    """Names of the inputs that differ, of kernels which."""
+    found = []
+    for path, name in names.items():
+        old, new = at(before, path), at(after, path)
+        if old != new:
+            found += kernels_changed(old, new) if name == "kernels" else [name]
+    return found
+
+
+def at(content: Any, path: str) -> Any:
+    """A value of nested tables by its path; None when there is none."""
+    for key in path.split("."):
+        content = content.get(key) if isinstance(content, dict) else None
+    return content
+
+
+def leaves_changed(before: Any, after: Any) -> list[str]:
+    """`path old -> new` of every value that differs."""
+    old, new = dict(leaves(before)), dict(leaves(after))
+    changed = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
+    return [f"{name} {old.get(name, 'none')} -> {new.get(name, 'none')}" for name in changed]
+
+
+def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every value of nested tables by its path."""
+    if isinstance(content, dict):
+        for key, value in content.items():
+            yield from leaves(value, f"{path}.{key}" if path else str(key))
+    else:
+        yield path, content
+
+
+def kernels_changed(before: Any, after: Any) -> list[str]:
+    """Kernels that are new, gone or have other content; their order counts too."""
+    old, new = (dict(cast("list[list[str]]", kernels or [])) for kernels in (before, after))
+    found = [f"kernel {name}" for name in new if name in old and old[name] != new[name]]
+    found += [f"kernel {name} (new)" for name in new if name not in old]
+    found += [f"kernel {name} (gone)" for name in old if name not in new]
+    return found or ["kernels: their order"]
