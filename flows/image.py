@@ -115,7 +115,7 @@ def validate(chain: Chain, corrected: Corrected) -> None:
     """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the pose is not
     believed."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
-    believe(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result)
+    believe(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:

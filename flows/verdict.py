@@ -11,7 +11,8 @@ from flows.chain import Chain
 from flows.profile import AcceptSettings
 from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, VALIDATE
 from tasks.validate.limb import LimbFigures
-from tasks.validate.step import ValidateResult
+from tasks.validate.step import OrientationReport
+from tasks.validate.sun import SunReport
 
 BEHIND = "target-behind-camera"
 DOUBTING = (*CORRECTIONS, DIAGNOSE.name)
@@ -22,9 +23,8 @@ BEHIND_REMEDY = (
 PUBLISHED = ("ok", "doubtful")
 
 
-def believe(accept: AcceptSettings, report: ValidateResult) -> None:
+def believe(accept: AcceptSettings, limb: LimbFigures) -> None:
     """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
-    limb = report.limb
     points, likeness = limb.points, limb.likeness
     if likeness < accept.min_likeness:
         raise FailedError(
@@ -57,26 +57,26 @@ def doubts(chain: Chain) -> list[str]:
     """
     last = {done.step.kind.name: done.result for done in chain.done.values()}
     judged, accept = chain.last(VALIDATE), chain.request.profile.accept
-    superseded = {ATTITUDE.name} if judged and is_about_orientation(judged.result) else set()
+    superseded = {ATTITUDE.name} if judged and is_about_orientation(judged.result.orientation) else set()
     found = [result.doubt for name, result in last.items() if name in DOUBTING and name not in superseded]
     if judged:
         report = judged.result
-        found += [doubtful_likeness(accept, report), doubtful_limb(accept, report)]
-        found += [doubtful_sun(accept, report), report.doubt]
+        found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
+        found += [doubtful_sun(accept, report.sun), report.doubt]
     found = [doubt for doubt in found if doubt]
-    if found and judged and (blurred := doubtful_blur(accept, judged.result)):
+    if found and judged and (blurred := doubtful_blur(accept, judged.result.limb)):
         found.insert(0, blurred)
     return found
 
 
-def is_about_orientation(report: ValidateResult) -> bool:
+def is_about_orientation(orientation: OrientationReport) -> bool:
     """Whether the product's own orientation was judged: what the flow found of an earlier one is then out of date."""
-    return report.orientation.verdict in ("matched", "mismatched")
+    return orientation.verdict in ("matched", "mismatched")
 
 
-def doubtful_likeness(accept: AcceptSettings, report: ValidateResult) -> str | None:
+def doubtful_likeness(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     """The doubt that a poor likeness of image and simulation raises."""
-    likeness = report.limb.likeness
+    likeness = limb.likeness
     if likeness >= accept.sure_likeness:
         return None
     return (
@@ -85,20 +85,19 @@ def doubtful_likeness(accept: AcceptSettings, report: ValidateResult) -> str | N
     )
 
 
-def doubtful_limb(accept: AcceptSettings, report: ValidateResult) -> str | None:
+def doubtful_limb(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     """The doubt that a limb raises which lies elsewhere in the image than the corrected pose has it."""
-    if not is_off(accept, report.limb, accept.sure_limb_rms_px):
+    if not is_off(accept, limb, accept.sure_limb_rms_px):
         return None
     return (
-        f"limb-disagrees: markings and brightness put the limb {off_in_words(report.limb)} from where the image "
+        f"limb-disagrees: markings and brightness put the limb {off_in_words(limb)} from where the image "
         f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
         "trusts the limb alone."
     )
 
 
-def doubtful_sun(accept: AcceptSettings, report: ValidateResult) -> str | None:
+def doubtful_sun(accept: AcceptSettings, sun: SunReport) -> str | None:
     """The doubt that a terminator and a shading raise which are not those of the metadata's Sun."""
-    sun = report.sun
     if sun.across_deg is None or sun.phase_deg is None:
         return None
     across = contradicts(sun.across_deg, sun.across_sigma_deg, accept.sun_across_deg)
@@ -117,9 +116,9 @@ def contradicts(off_deg: float, sigma_deg: float | None, least_deg: float | None
     return least_deg is not None and abs(off_deg) > max(least_deg, SUN_SIGMAS * (sigma_deg or 0.0))
 
 
-def doubtful_blur(accept: AcceptSettings, report: ValidateResult) -> str | None:
+def doubtful_blur(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     """What a blur explains of other doubts: alone it is none, for a camera file may have a sharper one."""
-    blur = report.limb.blur
+    blur = limb.blur
     if blur is None or blur <= accept.sure_blur:
         return None
     return (

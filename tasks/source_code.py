@@ -74,7 +74,8 @@ class _Normaliser(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.AST:
         """The wording that is given to an error or a logger."""
         if _takes_message(node):
-            coded = node.args[:1] if len(node.args) > 1 else []  # RefusedError("code", fault, remedy)
+            with_code = len(node.args) > 1 and _is_error(node)  # RefusedError("code", fault, remedy)
+            coded = node.args[:1] if with_code else []
             node.args = coded + [_Wording().visit(each) for each in node.args[len(coded) :]]
             for keyword in node.keywords:
                 keyword.value = _Wording().visit(keyword.value)
@@ -95,11 +96,13 @@ class _Wording(ast.NodeTransformer):
         return ast.Tuple(shown, ast.Load())
 
 
+def _is_error(call: ast.Call) -> bool:
+    return _last_name(call.func).endswith(("Error", "Exception", "Warning"))
+
+
 def _takes_message(call: ast.Call) -> bool:
-    name = _last_name(call.func)
-    if name.endswith(("Error", "Exception", "Warning")):
-        return True
-    return isinstance(call.func, ast.Attribute) and _last_name(call.func.value) in LOGGERS
+    by_logger = isinstance(call.func, ast.Attribute) and _last_name(call.func.value) in LOGGERS
+    return by_logger or _is_error(call)
 
 
 def _names_for_messages(function: ast.FunctionDef) -> set[str]:

@@ -9,14 +9,13 @@ from astropy.io import fits
 
 from catalog.basemap import packaged_map_path
 from catalog.camera import find_camera
-from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.adding import check_list
 from catalog.readers import read_frame
 from catalog.target import Target, find_target, known_targets
+from flows.inputs import image_inputs
 from flows.profile import find_profile
-from flows.reprocessing.fingerprint import fingerprint_of
 from flows.reprocessing.requests import request_of
 from flows.reprocessing.settings import Settings
 from flows.request import Request, target_inputs
@@ -170,8 +169,8 @@ def test_the_content_of_a_target_file_is_part_of_the_keys_and_its_place_is_not(t
 
     def keyed(radius: float, name: str) -> object:
         request = Request(image=image, target=own_body(tmp_path / name, radius=radius), kernels=())
-        assert target_inputs(request) == find_target(str(tmp_path / name)).model_dump(mode="json")
-        return fingerprint_of(request)["target"]
+        assert target_inputs(request) == find_target(str(tmp_path / name))
+        return image_inputs(request).model_dump(mode="json")
 
     assert keyed(42.0, "a.toml") == keyed(42.0, "b.toml") != keyed(43.0, "a.toml")
     assert target_inputs(Request(image=image, target="europa")) == "europa"
@@ -187,12 +186,13 @@ def test_the_step_takes_the_file_s_target_whole(tmp_path: Path) -> None:
     }  # fmt: skip
     (tmp_path / "pose.json").write_text(json.dumps(pose))
     request = Request(image=tmp_path / "a.fits", target=own_body(tmp_path / "v.toml"))
-    inputs = {"image": sha256_of_file(request.image), "camera": {}, "target_name": target_inputs(request)}
-    camera = find_camera("galileo-ssi").model_dump(mode="json", exclude_unset=True)
-    places = {"image": str(request.image), "camera": None, "pose_file": str(tmp_path / "pose.json"), "kernels": []}
-    done = pose_step.run(Work(inputs | {"camera": camera}, places, tmp_path, lambda *_: None))
-    assert (done["target"]["name"], done["target"]["radii_km"]) == ("Vulcan", [42.0, 42.0, 42.0])
-    assert done["sources"]["body_from_j2000"] == "catalog"
+    inputs = pose_step.PoseInputs(
+        image=image_inputs(request), camera=find_camera("galileo-ssi"), frame="", pose_file="", kernels=()
+    )
+    files = pose_step.PoseFiles(request.image, None, tmp_path / "pose.json", ())
+    done = pose_step.run(inputs, files, Work(tmp_path, lambda *_: None))
+    assert (done.target.name, done.target.radii_km) == ("Vulcan", (42.0, 42.0, 42.0))
+    assert done.sources["body_from_j2000"] == "catalog"
 
 
 def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:

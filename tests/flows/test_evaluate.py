@@ -87,7 +87,6 @@ def test_what_claims_to_be_right_and_is_not_is_counted_and_shown(rows: list[dict
 
 
 def test_what_simulated_images_lack_is_taken_out_of_the_stated_errors() -> None:
-    from catalog.pose import Pose
     from flows.evaluate import not_simulated
     from tasks.paper.small_world import EUROPA, small_camera, true_pose
     from tasks.synthetic.assess import assess, in_sigmas
@@ -130,13 +129,15 @@ def test_the_command_refuses_nothing_and_writes_its_figures(tmp_path: Path) -> N
 def test_poses_of_the_steps_come_from_the_chains_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from types import SimpleNamespace
 
-    def record(pose: Pose) -> SimpleNamespace:
-        return SimpleNamespace(result={"pose": pose.to_dict()}, seconds=1.0)
+    from tasks.registry import INGEST, POINT, POSE
+
+    def done(kind: Any, **result: Any) -> SimpleNamespace:
+        names = {"step": SimpleNamespace(kind=kind), "record": SimpleNamespace(seconds=1.0)}
+        return SimpleNamespace(result=SimpleNamespace(**result), **names)
 
     before, after = pose_moved_by(TRUTH, CAMERA, (30.0, -40.0)), pose_moved_by(TRUTH, CAMERA, (0.3, 0.4))
-    chain = SimpleNamespace(
-        records={"ingest": SimpleNamespace(result={}, seconds=1.0), "pose": record(before), "point-1": record(after)}
-    )
+    poses = {"pose": done(POSE, pose=before), "point-1": done(POINT, pose=after)}
+    chain = SimpleNamespace(done={"ingest": done(INGEST), **poses})
     monkeypatch.setattr(evaluate, "one_result", made_up({"A": 0.5}))
     monkeypatch.setattr(evaluate, "replayed", lambda _: chain)
     (row,) = evaluate_archive(archive(tmp_path / "archive", ("A",)), [find_profile("paper")], tmp_path)

@@ -115,7 +115,7 @@ def test_steps_that_would_change_what_is_held_are_left_out() -> None:
     assert usual.holding(["offset"]).corrections(2) == ("attitude",)
     joint = Profile(steps=("point", "range", "joint")).holding(["offset", "attitude"])
     assert joint.corrections(1) == ("joint",)
-    assert joint.settings_of("joint")["hold"] == ["offset", "attitude"]
+    assert joint.settings_of("joint").hold == ("offset", "attitude")
 
 
 @pytest.mark.parametrize(

@@ -3,75 +3,92 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from catalog.pose import POSE_KEYS
+from catalog.camera import find_camera
+from catalog.pose import POSE_KEYS, Pose
+from catalog.target import find_target
 from flows.chain import Chain
-from flows.image import correct_pose
+from flows.image import Corrected, corrected_pose
 from flows.profile import Profile
 from flows.request import Request
-from tasks.correction import IMAGE_MOVED
+from tasks.correcting import CorrectionResult, Known
 from tasks.record import Record
-from tasks.step import Step
+from tasks.registry import ATTITUDE
+from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
+from tasks.simulate import SceneSettings
+from tasks.step import AnyStep
+from tasks.validate.limb import LimbFigures
+from tasks.validate.step import OrientationReport, Similarity, ValidateResult
+from tasks.validate.sun import SunReport
 
-PROFILE = {"passes": 2, "steps": ["joint", "point"], "later": {"steps": ["joint"]}}
+POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
+LIMB = LimbFigures(
+    rms_px=0.1, mean_px=(0.0, 0.0), normal_rms_px=0.1, normal_median_px=0.0, robust_px=0.1, disagreeing=0.0, blur=1.0,
+    points=99, tried=99, similarity=0.9, correlation=0.9, likeness=0.9,
+)  # fmt: skip
+REPORT = ValidateResult(
+    limb=LIMB,
+    similarity=Similarity(before=0.5, after=0.9),
+    sun=SunReport(),
+    dark_limb={},
+    orientation=OrientationReport(verdict="matched", sigmas=20.0),
+    symmetry=None,
+    doubt=None,
+)
 
 
-def corrected(folder: Path, moved: bool) -> tuple[Chain, dict[str, Any]]:
-    """The chain after two joint steps that say whether they displaced the image, and where the last image is."""
+def chain_of(folder: Path, steps: list[str], later: list[str], **told: Any) -> Chain:
+    """The chain after two passes whose corrections all say the same; a joint step also says what `told` does."""
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
-    limb = {
-        "rms_px": 0.1,
-        "robust_px": 0.1,
-        "disagreeing": 0.0,
-        "normal_rms_px": 0.1,
-        "points": 99,
-        "tried": 99,
-        "likeness": 0.9,
-    }
-    results: dict[str, dict[str, Any]] = {
-        "pose": {"pose": {}, "sources": dict.fromkeys(POSE_KEYS, "spice")},
-        "joint": {"changed": changed, "uncertainty": {}} | ({IMAGE_MOVED: True} if moved else {}),
-        "point": {"changed": changed, "uncertainty": {}},
-        "validate": {"limb": limb},
-    }
 
-    def answered(step: Step) -> Record:
-        return Record(step.name, step.key, step.code, step.inputs, results.get(step.kind, {}), 0.0, "now")
+    def answered(step: AnyStep) -> Record:
+        if step.kind.name == "validate":
+            result: Any = REPORT
+        else:
+            own = {key: value for key, value in told.items() if (key == "markings_match") == (step.kind is ATTITUDE)}
+            result = CorrectionResult(pose=step.inputs.pose, changed=changed, **own)
+        return Record(step.name, step.key, step.code, {}, result.model_dump(mode="json"), 0.0, "now")
 
-    request = Request(image=folder / "a.img", cache=folder, profile=Profile.model_validate(PROFILE))
-    chain = Chain(request, answered)
-    for name in ("pose", "undistort"):
-        chain.do(name, f"tasks.{name}", {}, {})
-    scene = {"observation": chain.key("undistort")}
-    _, _, basemap = correct_pose(chain, scene, {"undistort": chain.folder("undistort")})
-    return chain, basemap
+    profile = Profile.model_validate({"passes": 2, "steps": steps, "later": {"steps": later}})
+    chain = Chain(Request(image=folder / "a.img", cache=folder, profile=profile), answered)
+    scene = SceneInputs(
+        observation="key of undistort",
+        camera=find_camera("galileo-ssi"),
+        target=find_target("europa"),
+        basemap=UNIFORM,
+        simulate=SceneSettings(),
+    )
+    known = Known(scene, POSE, POSE, dict.fromkeys(POSE_KEYS, "spice"), 0.3)
+    corrected_pose(chain, Corrected(known, SceneFiles(folder, None)))
+    return chain
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_later_steps_get_the_displaced_image_and_its_bending_is_told_once(tmp_path: Path, moved: bool) -> None:
-    chain, basemap = corrected(tmp_path, moved)
-    seen = [chain.steps[name].inputs["observation"] for name in ("point-1", "joint-2", "validate")]
-    bending = [chain.steps[name].inputs["settings"]["bending_px"] for name in ("joint-1", "joint-2")]
-    assert bending[0] is not None
+def test_later_steps_get_the_displaced_image_and_are_told_of_it(tmp_path: Path, moved: bool) -> None:
+    chain = chain_of(tmp_path, ["joint", "point"], ["joint"], image_moved=moved)
+    steps = {name: done.step for name, done in chain.done.items()}
+    seen = {name: step.inputs.scene.observation for name, step in steps.items()}
+    folders = {name: step.files.image for name, step in steps.items()}
+    assert seen["joint-1"] == "key of undistort"
+    assert not steps["joint-1"].inputs.image_moved
     if not moved:
-        assert seen == [chain.key("undistort")] * 3
-        assert bending[1] == bending[0]
+        assert set(seen.values()) == {"key of undistort"}
+        assert not steps["joint-2"].inputs.image_moved
         return
-    assert seen[:2] == [chain.key("joint-1")] * 2
-    assert chain.steps["joint-2"].places["undistort"] == chain.folder("joint-1")
-    assert seen[2] == chain.key("joint-2")  # the fake one moves its image, too
-    assert basemap["undistort"] == chain.folder("joint-2")
-    assert bending[1] is None
+    first, second = steps["joint-1"], steps["joint-2"]
+    assert (seen["point-1"], seen["joint-2"], seen["validate"]) == (first.key, first.key, second.key)
+    assert (folders["joint-2"], folders["validate"]) == (first.folder, second.folder)
+    assert second.inputs.image_moved
 
 
-@pytest.mark.parametrize("doubt", [None, "markings-do-not-match: at 2 % of the places only."])
-def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Path, doubt: str | None) -> None:
-    from flows.image import markings_match
+@pytest.mark.parametrize("match", [None, True, False])
+def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Path, match: bool | None) -> None:
+    chain = chain_of(tmp_path, ["attitude", "joint"], ["joint"], markings_match=match)
+    assert chain.done["joint-1"].step.inputs.markings_match == (match is not False)
 
-    evidence = {"doubt": doubt} if doubt else {}
-    request = Request(image=tmp_path / "a.img", cache=tmp_path, profile=Profile.model_validate(PROFILE))
-    chain = Chain(request, lambda step: Record(step.name, step.key, step.code, {}, {"evidence": evidence}, 0.0, "now"))
-    assert markings_match(chain)
-    chain.do("attitude-1", "tasks.attitude.step", {}, {})
-    assert markings_match(chain) == (doubt is None)
+
+def test_only_the_first_pass_searches_the_frame(tmp_path: Path) -> None:
+    chain = chain_of(tmp_path, ["point"], ["point"])
+    assert [chain.done[f"point-{number}"].step.inputs.search_frame for number in (1, 2)] == [True, False]

@@ -26,7 +26,7 @@ from flows.reprocessing.worker import Voice, do
 from flows.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
 from flows.status import status_of
 from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_taken
-from tasks.step import Step, run
+from tasks.step import AnyStep, run
 
 PUBLISHED = ("ok", "doubtful")
 
@@ -101,7 +101,7 @@ def test_of_two_at_the_same_time_the_second_to_be_published_is_refused(
 ) -> None:
     store = tmp_path / "store"
 
-    def run_step(step: Step, progress: Any) -> Any:
+    def run_step(step: AnyStep, progress: Any) -> Any:
         if step.name == "publish":  # now the other command is done, whose image had the name too
             assert corrected(ground, other_than(raw), store)["status"] in PUBLISHED
         return run(step, progress)

@@ -13,18 +13,19 @@ import pytest
 
 from catalog.digest import remember_digests, sha256_of_file
 from catalog.errors import RefusedError
-from flows.image import label_inputs
+from flows.inputs import image_inputs
 from flows.progress import Silent
 from flows.reprocessing import command
-from flows.reprocessing.fingerprint import differences
 from flows.reprocessing.outcomes import read_outcome, write_outcome
 from flows.reprocessing.parameters import parameters_of, settings_of
 from flows.reprocessing.planning import plans_in_words
 from flows.reprocessing.run import begin, planned
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
+from flows.request import Request
 from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from flows.status import status_of
+from flows.trace import inputs_changed, kernels_changed, leaves_changed
 from tasks.record import RECORD_FILE
 
 
@@ -135,7 +136,7 @@ def test_a_changed_file_is_named(done: dict[str, Any], settings: Settings, archi
         pose.write_text(kept[0] + "\n")
         image.unlink()
         assert wanted(settings)[GOOD[0]] == "changed: pose file"
-        assert wanted(settings)[GOOD[1]] == "changed: image (is gone); pose file"
+        assert wanted(settings)[GOOD[1]] == "changed: image (is gone)"
     finally:
         pose.write_text(kept[0])
         image.write_bytes(kept[1])
@@ -260,34 +261,28 @@ def test_digests_are_remembered_while_a_file_stays_what_it_is(tmp_path: Path) ->
     remember_digests(book)
 
 
-def test_differences_name_kernels_steps_and_settings() -> None:
-    old = {
-        "kernels": [["a.tls", "1"], ["b.bsp", "2"]],
-        "code": {"point": "x", "range": "y"},
-        "settings": {"n": {"m": 1}},
-    }
-    new = {
-        "kernels": [["a.tls", "3"], ["c.bsp", "4"]],
-        "code": {"point": "z", "range": "y"},
-        "settings": {"n": {"m": 2}},
-    }
-    assert differences(old, new) == [
-        *("kernel a.tls", "kernel c.bsp (new)", "kernel b.bsp (gone)"),
-        "code of point",
-        "settings: n.m 1 -> 2",
-    ]
-    assert differences(old, old) == []
+def test_changes_name_kernels_and_settings() -> None:
+    old, new = [["a.tls", "1"], ["b.bsp", "2"]], [["a.tls", "3"], ["c.bsp", "4"]]
+    found = inputs_changed({"kernels": "kernels", "pose_file": "pose file"}, {"kernels": old}, {"kernels": new})
+    assert found == ["kernel a.tls", "kernel c.bsp (new)", "kernel b.bsp (gone)"]
+    assert inputs_changed({"kernels": "kernels"}, {"kernels": old}, {"kernels": old}) == []
+    assert kernels_changed(old, old[::-1]) == ["kernels: their order"]
+    assert leaves_changed({"n": {"m": 1, "k": 0}}, {"n": {"m": 2, "k": 0}}) == ["n.m 1 -> 2"]
 
 
 def test_a_detached_label_counts_by_its_content(tmp_path: Path) -> None:
     image, label = tmp_path / "C1.IMG", tmp_path / "C1.LBL"
     image.write_bytes(b"pixels")
-    assert label_inputs(image) == {}
+
+    def counted() -> str | None:
+        return image_inputs(Request(image=image, kernels=())).label
+
+    assert counted() is None
     label.write_text("one")
-    before = label_inputs(image)
+    before = counted()
     label.write_text("two and more")
-    assert label_inputs(image).keys() == before.keys() == {"label"}
-    assert label_inputs(image) != before
+    assert None not in (before, counted())
+    assert counted() != before
 
 
 def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_told(

@@ -6,13 +6,12 @@ import pytest
 
 import catalog.reseau
 from catalog.camera import known_cameras
-from flows.image import reseau_digests
+from flows.inputs import reseau_digests
 from tasks.undistort import UndistortSettings
 
 
 def digests(camera: str, **settings: str) -> dict[str, str]:
-    content = known_cameras()[camera].model_dump(mode="json", exclude_unset=True)
-    return reseau_digests(content, UndistortSettings.model_validate(settings).model_dump())
+    return reseau_digests(known_cameras()[camera], UndistortSettings.model_validate(settings))
 
 
 def test_a_changed_table_changes_the_key_of_its_camera_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

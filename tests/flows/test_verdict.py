@@ -21,10 +21,14 @@ from flows.verdict import (
     reminded,
 )
 from tasks.atomic import file_put_in_place, folder_put_in_place
-from tasks.validate.limb import robust_rms
+from tasks.validate.limb import LimbFigures, robust_rms
+from tasks.validate.step import OrientationReport
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
-LIMB = {"robust_px": None, "points": 3, "tried": 40, "likeness": 0.95}
+LIMB = LimbFigures(
+    rms_px=None, mean_px=None, normal_rms_px=None, normal_median_px=None, robust_px=None, disagreeing=None, blur=None,
+    points=3, tried=40, similarity=0.95, correlation=0.95, likeness=0.95,
+)  # fmt: skip
 
 
 def turned(degrees: float) -> Pose:
@@ -34,7 +38,7 @@ def turned(degrees: float) -> Pose:
 
 @pytest.mark.parametrize("kind", [RefusedError, FailedError])
 def test_a_failure_with_the_target_behind_the_camera_has_that_as_its_reason(kind: type[PlanetposeError]) -> None:
-    error = explained(kind("target-not-found", "nothing looks like it.", "Check."), turned(170).to_dict())
+    error = explained(kind("target-not-found", "nothing looks like it.", "Check."), turned(170))
     print(error.reason)
     assert type(error) is kind
     assert error.code == "target-behind-camera"
@@ -47,13 +51,13 @@ def test_a_failure_with_the_target_behind_the_camera_has_that_as_its_reason(kind
 @pytest.mark.parametrize("degrees", [0, 3, 89])
 def test_a_failure_with_the_target_in_front_keeps_its_reason(degrees: float) -> None:
     error = FailedError("did-not-converge", "it did not.", "Check.")
-    assert explained(error, turned(degrees).to_dict()) is error
+    assert explained(error, turned(degrees)) is error
 
 
 @pytest.mark.parametrize("code", ["target-behind-camera", "interrupted"])
 def test_what_says_more_than_the_side_of_the_camera_is_kept(code: str) -> None:
     error = FailedError(code, "so it is.", "Check.")
-    assert explained(error, turned(170).to_dict()) is error
+    assert explained(error, turned(170)) is error
 
 
 def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -> None:
@@ -67,22 +71,23 @@ def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -
 def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
     for tried, words in ((40, "only 3 segments of the lit limb"), (0, "lit limb is nowhere on usable pixels")):
         with pytest.raises(FailedError, match=words) as failure:
-            believe(AcceptSettings(), {"limb": LIMB | {"tried": tried}})
+            believe(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
         assert failure.value.code == "limb-not-measured"
 
 
 def test_a_limb_elsewhere_than_the_corrected_pose_has_it_is_doubted_where_the_profile_says_from_when() -> None:
     accept = AcceptSettings(sure_limb_rms_px=0.5)
     assert doubtful_limb(accept, limb_of(np.full(100, 0.4))) is None
-    assert doubtful_limb(accept, {"limb": {"robust_px": None}}) is None
+    assert doubtful_limb(accept, LIMB) is None
     assert str(doubtful_limb(accept, limb_of(np.full(100, 0.7)))).startswith("limb-disagrees: ")
     assert doubtful_limb(AcceptSettings(), limb_of(np.full(100, 0.7))) is None
 
 
-def limb_of(shift_px: np.ndarray) -> dict[str, Any]:
+def limb_of(shift_px: np.ndarray) -> LimbFigures:
     """What `validate` says of shifts across the limb."""
     rms_px, disagreeing = float(np.sqrt(np.mean(shift_px**2))), float(np.mean(np.abs(shift_px) > 1))
-    return {"limb": {"normal_rms_px": rms_px, "robust_px": robust_rms(shift_px), "disagreeing": disagreeing}}
+    measured = {"normal_rms_px": rms_px, "robust_px": robust_rms(shift_px), "disagreeing": disagreeing}
+    return LIMB.model_copy(update=measured)
 
 
 @pytest.mark.parametrize(
@@ -108,12 +113,12 @@ def test_segments_on_an_edge_of_albedo_raise_no_doubt_and_an_arc_that_is_off_doe
 
 @pytest.mark.parametrize("predicted_deg", [95.0, 180.0])
 def test_a_doubtful_pose_whose_predicted_one_looks_away_fails_with_that_as_its_reason(predicted_deg: float) -> None:
-    refuse_doubtful_behind(turned(predicted_deg).to_dict(), [])
-    refuse_doubtful_behind(turned(3.0).to_dict(), ["limb-disagrees: it does. Check."])
+    refuse_doubtful_behind(turned(predicted_deg), [])
+    refuse_doubtful_behind(turned(3.0), ["limb-disagrees: it does. Check."])
     with pytest.raises(
         FailedError, match=f"{predicted_deg:.0f} deg from its boresight.*limb-disagrees: it does"
     ) as failure:
-        refuse_doubtful_behind(turned(predicted_deg).to_dict(), ["limb-disagrees: it does. Check."])
+        refuse_doubtful_behind(turned(predicted_deg), ["limb-disagrees: it does. Check."])
     assert failure.value.code == "target-behind-camera"
 
 
@@ -140,6 +145,6 @@ def test_a_store_that_cannot_be_written_is_told_by_its_own_name(
 def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_was_judged(
     verdict: str, is_told: bool
 ) -> None:
-    last = {"validate": {"orientation": {"verdict": verdict}}}
-    assert is_about_orientation(last) == (not is_told)
+    judged = OrientationReport(verdict=verdict, sigmas=9.0)
+    assert is_about_orientation(judged) == (not is_told)
     assert not is_about_orientation({})

@@ -10,7 +10,7 @@ from catalog.pose import Pose
 from flows.image import settled
 from flows.profile import Profile, find_profile
 from tasks.attitude import AttitudeSettings, find_attitude
-from tasks.correcting import plain_correction
+from tasks.correcting import recorded
 from tasks.point import PointSettings, find_pointing
 from tasks.range import RangeSettings, find_range
 from tasks.simulate import Scene
@@ -30,16 +30,16 @@ CAMERA = small_camera(diameter_px=130, size_px=(192, 184)).model_copy(update={"c
 def passes(observation: Observation, pose: Pose, truth: Pose, scene: Scene, profile: Profile) -> list[PoseError]:
     """What is left of the planted errors before and after every pass; as `flows.image.correct_image` runs them."""
     left = [pose_error(pose, truth, CAMERA, EUROPA)]
-    chain = SimpleNamespace(request=SimpleNamespace(profile=profile), records={})
+    chain = SimpleNamespace(request=SimpleNamespace(profile=profile), done={})
     for number in range(1, profile.passes + 1):
         for name in profile.corrections(number):
             step, model = STEPS[name]
-            settings = profile.settings_of(name, number)
+            settings = profile.settings_of(name, number).model_dump()
             if name == "point" and number > 1:
                 settings["coarse"] = False
             correction = step(observation, pose, scene, model.model_validate(settings))
             pose = correction.pose
-            chain.records[f"{name}-{number}"] = SimpleNamespace(result=plain_correction(correction))
+            chain.done[f"{name}-{number}"] = SimpleNamespace(result=recorded(correction))
         left.append(pose_error(pose, truth, CAMERA, EUROPA))
         if number > 1 and settled(chain, number):  # type: ignore[arg-type]
             break

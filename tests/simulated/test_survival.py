@@ -112,16 +112,15 @@ def passes(observation: Observation, pose: Pose, name: str) -> tuple[Pose, str]:
     for number in (1, 2):
         for step in profile.corrections(number):
             corrector, model = CORRECTORS[step]
-            settings = profile.settings_of(step, number)
+            settings = profile.settings_of(step, number).model_dump()
             if step == "point" and number > 1:
                 settings["coarse"] = False
             if "ssim" in settings:
                 settings["ssim"]["step"] = 0.0025
             pose = corrector(observation, pose, scene, model.model_validate(settings)).pose
-    limb = validate_limb(observation, pose, scene)
-    report = {"limb": limb.to_dict()}
-    believe(profile.accept, report)
-    return pose, "doubtful" if doubtful_likeness(profile.accept, report) else "ok"
+    limb = validate_limb(observation, pose, scene).figures()
+    believe(profile.accept, limb)
+    return pose, "doubtful" if doubtful_likeness(profile.accept, limb) else "ok"
 
 
 @pytest.mark.parametrize("frame", FRAMES)

@@ -12,12 +12,11 @@ from catalog.basemap import packaged_map_path
 from catalog.digest import sha256_of_file
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
-from tasks.correction import IMAGE_MOVED
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
-from tasks.joint.step import Known, known_after, run
+from tasks.joint.step import JointInputs, Known, known_after, run
 from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
-from tasks.record import Record, write_record
+from tasks.scene_inputs import BaseMapInputs, SceneFiles, SceneInputs
 from tasks.simulate import Scene
 from tasks.simulate.plant import pose_error
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
@@ -128,7 +127,7 @@ def test_pixels_are_taken_from_where_the_displacement_says(world: World) -> None
 
 def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tmp_path: Path) -> None:
     scene, truth, seen, planes = world
-    folders = {name: tmp_path / name for name in ("undistort", "pose", "joint")}
+    folders = {name: tmp_path / name for name in ("undistort", "joint")}
     for folder in folders.values():
         folder.mkdir()
     bent = displaced(seen, -1.5 * planes)
@@ -141,21 +140,27 @@ def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tm
         "sensor_y_px": y,
     }
     save_arrays(folders["undistort"] / DISTORTION, **known)
-    write_record(folders["pose"], Record("pose", "key", "code", {}, {"pose": truth.to_dict()}, 0.0, "now"))
     map_path = packaged_map_path(str(scene.target.basemap))
-    inputs = {
-        "camera": scene.camera.model_dump(mode="json"),
-        "target": scene.target.model_dump(mode="json"),
-        "basemap": {"sha256": sha256_of_file(map_path), "left_edge_deg": 0.0},
-        "simulate": scene.settings.model_dump(mode="json"),
-        "settings": ONCE.model_dump(mode="json"),
-        "pose_sources": dict.fromkeys(truth.to_dict(), "file"),
-        "markings_match": True,
-    }
-    places = {"undistort": folders["undistort"], "pose": folders["pose"], "predicted": folders["pose"]}
-    result = run(Work(inputs, places | {"basemap": str(map_path)}, folders["joint"], lambda *_: None))
-    assert result[IMAGE_MOVED]
-    told = result["evidence"]["bending"]
+    shown = SceneInputs(
+        observation="key of undistort",
+        camera=scene.camera,
+        target=scene.target,
+        basemap=BaseMapInputs(name="map", sha256=sha256_of_file(map_path)),
+        simulate=scene.settings,
+    )
+    inputs = JointInputs(
+        scene=shown,
+        pose=truth,
+        predicted=truth,
+        pose_sources=dict.fromkeys(truth.to_dict(), "file"),
+        markings_match=True,
+        image_moved=False,
+        settings=ONCE,
+    )
+    files = SceneFiles(folders["undistort"], map_path)
+    result = run(inputs, files, Work(folders["joint"], lambda *_: None))
+    assert result.image_moved
+    told = result.evidence["bending"]
     after = load_observation(folders["joint"])
     off = [np.abs(o.image - seen.image)[20:140, 20:140].mean() for o in (bent, after)]
     print(f"mean difference from the frame without bending: {off[0]:.2f} -> {off[1]:.2f} DN")

@@ -8,10 +8,11 @@ import pytest
 from catalog.camera import known_cameras
 from catalog.digest import sha256_of_file
 from catalog.observation import Observation
+from tasks.image_file import ImageInputs
 from tasks.publish.fits import write_fits
 from tasks.stored import load_arrays, load_observation
 from tasks.undistort import UndistortSettings
-from tasks.undistort.step import DISTORTION, run
+from tasks.undistort.step import DISTORTION, UndistortFiles, UndistortInputs, run
 from tasks.work import Work
 
 
@@ -22,16 +23,12 @@ def test_the_step_stores_what_later_steps_and_cubes_need(tmp_path: Path, space: 
     path = tmp_path / "frame.fits"
     observation = Observation(image, np.ones_like(image), np.zeros(image.shape, np.uint16))
     write_fits(path, observation, camera.name, "europa", 0.0, 1.0, as_bytes=False)
-    inputs = {
-        "image": sha256_of_file(path),
-        "camera": camera.model_dump(mode="json"),
-        "target_name": None,
-        "settings": UndistortSettings(space=space).model_dump(),
-    }
+    image_file, settings = ImageInputs(sha256=sha256_of_file(path)), UndistortSettings(space=space)
+    inputs = UndistortInputs(image=image_file, camera=camera, undistorted=False, settings=settings)
     folder = tmp_path / space
     folder.mkdir()
-    result = run(Work(inputs, {"image": str(path), "camera": None}, folder, lambda *_: None))
-    assert result["evidence"]["space"] == space
+    result = run(inputs, UndistortFiles(path, None, None), Work(folder, lambda *_: None))
+    assert result.evidence["space"] == space
     assert load_observation(folder).image.shape == (800, 800)
     assert not np.array_equal(load_observation(folder).image, image)
     beside = load_arrays(folder / DISTORTION)

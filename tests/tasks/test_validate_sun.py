@@ -42,7 +42,7 @@ def test_a_planted_turn_of_the_sun_is_found_and_the_right_sun_is_not_doubted(pha
         claimed = planted(with_sun_moved(truth, turn, farther), CAMERA, (share, -share), 1 + 4e-3 * share, (0, 0, 0))
         found = sun_in_image(seen, claimed, scene_of(CAMERA, "mixture"))
         print(turn, farther, found)
-        doubt = doubtful_sun(AcceptSettings(), {"sun": found.to_dict()})
+        doubt = doubtful_sun(AcceptSettings(), found)
         assert found.azimuth_deg is not None
         assert found.phase_deg is not None
         if turn == farther == 0:

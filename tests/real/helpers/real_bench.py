@@ -15,7 +15,7 @@ from flows.profile import Profile, find_profile
 from flows.request import Request
 from flows.result import result_of
 from tasks.record import Record
-from tasks.step import Step, run
+from tasks.step import AnyStep, run
 
 ROOT = Path(__file__).resolve().parents[3]
 PLANETPOSE = [sys.executable, "-c", "from flows.cli import main; main()"]
@@ -79,7 +79,7 @@ class Bench:
         )
 
 
-def run_here(step: Step) -> Record:
+def run_here(step: AnyStep) -> Record:
     """Do a step without telling anybody."""
     return run(step, lambda *_: None)
 
