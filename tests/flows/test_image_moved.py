@@ -15,7 +15,7 @@ from flows.profile import Profile
 from flows.request import Request
 from tasks.correcting import CorrectionResult, Known
 from tasks.record import Record
-from tasks.registry import ATTITUDE
+from tasks.registry import ATTITUDE, JOINT
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
 from tasks.simulate import SceneSettings
 from tasks.step import AnyStep
@@ -39,15 +39,15 @@ REPORT = ValidateResult(
 )
 
 
-def chain_of(folder: Path, steps: list[str], later: list[str], **told: Any) -> Chain:
-    """The chain after two passes whose corrections all say the same; a joint step also says what `told` does."""
+def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT, **told: Any) -> Chain:
+    """The chain after two passes whose corrections all say the same; those of a kind also say what `told` does."""
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
 
     def answered(step: AnyStep) -> Record:
         if step.kind.name == "validate":
             result: Any = REPORT
         else:
-            own = {key: value for key, value in told.items() if (key == "markings_match") == (step.kind is ATTITUDE)}
+            own = told if step.kind is kind else {}
             result = CorrectionResult(pose=step.inputs.pose, changed=changed, **own)
         return Record(step.name, step.key, step.code, {}, result.model_dump(mode="json"), 0.0, "now")
 
@@ -85,7 +85,7 @@ def test_later_steps_get_the_displaced_image_and_are_told_of_it(tmp_path: Path, 
 
 @pytest.mark.parametrize("match", [None, True, False])
 def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Path, match: bool | None) -> None:
-    chain = chain_of(tmp_path, ["attitude", "joint"], ["joint"], markings_match=match)
+    chain = chain_of(tmp_path, ["attitude", "joint"], ["joint"], ATTITUDE, markings_match=match)
     assert chain.done["joint-1"].step.inputs.markings_match == (match is not False)
 
 

@@ -147,4 +147,3 @@ def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_w
 ) -> None:
     judged = OrientationReport(verdict=verdict, sigmas=9.0)
     assert is_about_orientation(judged) == (not is_told)
-    assert not is_about_orientation({})
