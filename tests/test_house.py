@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-FLOORS = ("catalog", "tasks", "flows")
+FLOORS = ("catalog", "tasks", "flows", "lab")
 SOURCES = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
 LARGEST_FILE = 1024 * 1024
 LONGEST_MODULE = 300
@@ -58,7 +58,7 @@ def test_arrows_point_down_only(floor: str) -> None:
 
 
 def test_prefect_is_known_only_where_tasks_and_flows_are_made() -> None:
-    below = [p for p in SOURCES if not name_of(p).startswith("flows/")]
+    below = [p for p in SOURCES if not name_of(p).startswith(("flows/", "lab/"))]
     assert {name_of(path) for path in below if "prefect" in packages_of(path)} == KNOWS_PREFECT
 
 
@@ -163,7 +163,7 @@ def test_constraints_pin_every_dependency_and_name_no_host() -> None:
     pins = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
     assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", line) for line in lines)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"] + project["optional-dependencies"]["lab"]
     names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in wanted}
     assert names - pins == set()
 

@@ -9,7 +9,6 @@ from astropy.io import fits
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
-from catalog.europa57 import paper_images
 from catalog.lists import ImageEntry, ImageList, known_lists, load_image_list, write_image_list
 from catalog.lists.adding import Wanted, add_to_list, check_list
 from catalog.lists.kernel_sets import expanded, known_kernel_sets
@@ -17,6 +16,7 @@ from catalog.lists.location import known_archives, parse_location
 from catalog.times import et_from_utc
 from flows.cli import build_app
 from flows.request import Request
+from lab.simulate.europa57 import paper_images
 
 FULL = ImageEntry(
     product="C1",

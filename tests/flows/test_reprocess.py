@@ -23,8 +23,8 @@ from flows.reprocessing.planning import plans_in_words
 from flows.reprocessing.run import begin, planned
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
-from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from flows.status import status_of
+from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from tasks.record import RECORD_FILE
 
 
