@@ -57,6 +57,13 @@ def test_arrows_point_down_only(floor: str) -> None:
     assert {name: found for name, found in upward.items() if found} == {}
 
 
+def test_nothing_that_is_installed_for_users_names_a_module_of_the_instruments() -> None:
+    """Nor as text, for modules are also started and looked up by name."""
+    named = re.compile(r"""["'](lab\.\w+|lab/)""")
+    product = [path for path in SOURCES if not name_of(path).startswith("lab/")]
+    assert [name_of(path) for path in product if named.search(path.read_text())] == []
+
+
 def test_prefect_is_known_only_where_tasks_and_flows_are_made() -> None:
     below = [p for p in SOURCES if not name_of(p).startswith(("flows/", "lab/"))]
     assert {name_of(path) for path in below if "prefect" in packages_of(path)} == KNOWS_PREFECT

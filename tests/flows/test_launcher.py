@@ -1,4 +1,4 @@
-"""A user's own tasks.py, flows.py, catalog.py or lab.py, on PYTHONPATH or in the working folder, is never taken for ours."""
+"""A user's own tasks.py, flows.py, catalog.py or lab.py, wherever it is, never stands for ours."""
 
 import json
 import os
