@@ -28,7 +28,8 @@ from flows.request import (
 )
 from flows.result import profile_origin, result_of
 from flows.settling import settled
-from flows.verdict import believe, doubts, explained, refuse_doubtful_behind, reminded
+from flows.verdict import doubts, reminded
+from tasks.accept.judgement import believe, explained, refuse_doubtful_behind
 from tasks.correction import IMAGE_MOVED
 from tasks.publish.origin import PublishStep, note_place, origin_of, refuse_taken
 

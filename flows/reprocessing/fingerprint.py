@@ -30,7 +30,14 @@ from flows.result import file_trouble
 from tasks.code_version import code_version
 
 Fingerprint = dict[str, Any]
-FLOW_FILES = ("flows/image.py", "flows/verdict.py", "flows/settling.py", "flows/result.py")
+FLOW_FILES = (
+    "flows/image.py",
+    "flows/verdict.py",
+    "flows/settling.py",
+    "flows/result.py",
+    "tasks/accept/judgement.py",
+    "tasks/accept/rest.py",
+)
 BODIES = {
     "ingest": "tasks.ingest.step",
     "pose": "tasks.ingest.pose_step",

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from flows.distortion import distortion_report
 from lab.paper.section import NO_DATA, Cell, Compared, Context, Picture, Section, Table
+from tasks.distortion.report import distortion_report
 
 NAME = "reseau"
 TITLE = "Reseau marks: RMSD of the distortion methods"

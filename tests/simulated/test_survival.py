@@ -12,8 +12,8 @@ from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from flows.profile import find_profile
-from flows.verdict import believe, doubtful_likeness
 from lab.simulate.plant import planted, pose_error
+from tasks.accept.judgement import believe, doubtful_likeness
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS

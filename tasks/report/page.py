@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flows.report.product import UNKNOWN, ImageEntry
+from tasks.report.product import UNKNOWN, ImageEntry
 
 if TYPE_CHECKING:
     from jinja2 import Environment

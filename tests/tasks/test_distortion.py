@@ -9,7 +9,8 @@ import pytest
 from catalog.observation import Observation
 from catalog.reseau import find_reseau_table
 from flows.cli import build_app
-from flows.distortion import benchmark_undistortion, distortion_report
+from lab.benchmark.undistortion import benchmark_undistortion
+from tasks.distortion.report import distortion_report
 from tasks.publish.fits import write_fits
 from tasks.undistort.mark_fit import spot
 
