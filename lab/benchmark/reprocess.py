@@ -1,10 +1,10 @@
 """Time `planetpose reprocess` on an archive: cold, unchanged, a late setting changed; and on very many small images."""
 
-import json
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from catalog.errors import FailedError
 from flows.profile import find_profile
@@ -47,24 +47,17 @@ def varied(profile: str, changes: dict[str, dict[str, Any]], path: Path) -> str:
     for step, settings in changes.items():
         resolved[step] |= settings
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(toml_of(resolved), encoding="utf-8")
-    tomllib.loads(path.read_text(encoding="utf-8"))
+    path.write_text(tomli_w.dumps(without_none(resolved)), encoding="utf-8")
     return str(path)
 
 
-def toml_of(table: dict[str, Any]) -> str:
-    """Plain values as TOML, nested tables inline; what is None is left out."""
-    return "".join(f"{name} = {toml_value(value)}\n" for name, value in table.items() if value is not None)
-
-
-def toml_value(value: Any) -> str:
-    """One value."""
-    if isinstance(value, dict):
-        inside = ", ".join(f"{name} = {toml_value(each)}" for name, each in value.items() if each is not None)
-        return f"{{{inside}}}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(toml_value, value))}]"
-    return json.dumps(value)
+def without_none(value: Any) -> Any:
+    """Plain values without those that are None, for which TOML has no word."""
+    return (
+        {name: without_none(each) for name, each in value.items() if each is not None}
+        if isinstance(value, dict)
+        else value
+    )
 
 
 def started(images: Path, profile: str, workers: int, folder: Path) -> Command:
