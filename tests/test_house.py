@@ -69,6 +69,12 @@ def test_prefect_is_known_only_where_tasks_and_flows_are_made() -> None:
     assert {name_of(path) for path in below if "prefect" in packages_of(path)} == KNOWS_PREFECT
 
 
+def test_flows_hold_no_numerics() -> None:
+    numeric = {"numpy", "scipy", "cv2", "skimage", "numba", "astropy", "mitsuba"}
+    found = {name_of(path): packages_of(path) & numeric for path in SOURCES if name_of(path).startswith("flows/")}
+    assert {name: packages for name, packages in found.items() if packages} == {}
+
+
 def test_zarr_is_known_only_to_the_publisher_and_the_store_of_steps() -> None:
     known = {name_of(path) for path in SOURCES if "zarr" in packages_of(path) or ".to_zarr(" in path.read_text()}
     assert {name for name in known if not name.startswith(KNOWS_ZARR)} == set()
