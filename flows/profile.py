@@ -13,6 +13,7 @@ from catalog.plain_files import read_toml_file
 from catalog.plain_text import shown_path
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
+from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.joint import JointSettings
@@ -48,38 +49,6 @@ CHANGES: dict[CorrectionName, frozenset[str]] = {
     "attitude": frozenset({"attitude"}),
 }
 GROUPS: tuple[Group, ...] = ("offset", "range", "roll", "attitude", "psf")
-
-
-class AcceptSettings(BaseModel):
-    """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
-    measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
-    below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
-    the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments
-    that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere. sure_blur:
-    where something else is doubted, a limb so many times as wide as simulated is told first. sun_across_deg,
-    sun_phase_deg: where the image puts the Sun elsewhere than the metadata do by more than four of its errors and more
-    than so much, as an angle on the sky across the plane of the phase angle and in it, the pose is doubtful; None is
-    not asked."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    max_limb_rms_px: float | None = Field(3.0, gt=0)
-    sure_limb_rms_px: float | None = Field(None, gt=0)
-    sun_across_deg: float | None = Field(5.0, gt=0)
-    sun_phase_deg: float | None = Field(10.0, gt=0)
-    limb_share: float = Field(0.2, gt=0, le=1)
-    require_limb: bool = True
-    sure_blur: float = Field(2.5, gt=1)
-    min_likeness: float = Field(0.6, ge=-1, le=1)
-    sure_likeness: float = Field(0.8, ge=-1, le=1)
-
-
-class StillSettings(BaseModel):
-    """A pass whose every correction is smaller than these is the last."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    offset_px: float = Field(0.03, ge=0)
-    range_factor: float = Field(1e-4, ge=0)
-    attitude_deg: float = Field(0.03, ge=0)
 
 
 class LaterPasses(BaseModel):

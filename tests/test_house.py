@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-FLOORS = ("catalog", "tasks", "flows")
+FLOORS = ("catalog", "tasks", "flows", "lab")
 SOURCES = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
 LARGEST_FILE = 1024 * 1024
 LONGEST_MODULE = 300
@@ -57,9 +57,22 @@ def test_arrows_point_down_only(floor: str) -> None:
     assert {name: found for name, found in upward.items() if found} == {}
 
 
+def test_nothing_that_is_installed_for_users_names_a_module_of_the_instruments() -> None:
+    """Nor as text, for modules are also started and looked up by name."""
+    named = re.compile(r"""["'](lab\.\w+|lab/)""")
+    product = [path for path in SOURCES if not name_of(path).startswith("lab/")]
+    assert [name_of(path) for path in product if named.search(path.read_text())] == []
+
+
 def test_prefect_is_known_only_where_tasks_and_flows_are_made() -> None:
-    below = [p for p in SOURCES if not name_of(p).startswith("flows/")]
+    below = [p for p in SOURCES if not name_of(p).startswith(("flows/", "lab/"))]
     assert {name_of(path) for path in below if "prefect" in packages_of(path)} == KNOWS_PREFECT
+
+
+def test_flows_hold_no_numerics() -> None:
+    numeric = {"numpy", "scipy", "cv2", "skimage", "numba", "astropy", "mitsuba"}
+    found = {name_of(path): packages_of(path) & numeric for path in SOURCES if name_of(path).startswith("flows/")}
+    assert {name: packages for name, packages in found.items() if packages} == {}
 
 
 def test_zarr_is_known_only_to_the_publisher_and_the_store_of_steps() -> None:
@@ -163,7 +176,7 @@ def test_constraints_pin_every_dependency_and_name_no_host() -> None:
     pins = {line.partition("==")[0].lower().replace("_", "-") for line in lines}
     assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[A-Za-z0-9.+!]+", line) for line in lines)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    wanted = project["dependencies"] + project["optional-dependencies"]["dev"]
+    wanted = project["dependencies"] + project["optional-dependencies"]["dev"] + project["optional-dependencies"]["lab"]
     names = {re.split(r"[<>=!~\[; ]", requirement)[0].lower() for requirement in wanted}
     assert names - pins == set()
 

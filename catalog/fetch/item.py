@@ -76,21 +76,23 @@ def fetch_item(item: Item, archive: Path, settings: FetchSettings, rate: RateLim
 @contextmanager
 def _incoming(archive: Path, path: str) -> Iterator[Path]:
     """The folder of what has arrived of a file; one process at a time. It goes when the file is whole."""
-    import fcntl
     import hashlib
+
+    from filelock import FileLock, Timeout
 
     folder = archive / INCOMING / hashlib.sha256(path.encode()).hexdigest()[:24]
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise TransferError("busy", "another process is fetching it", passing=False) from error
-        try:
-            yield folder
-        finally:
-            if not (folder / "part").exists():  # what arrived of a file waits for the next run
-                shutil.rmtree(folder, ignore_errors=True)
+    lock = FileLock(folder / "lock", blocking=False)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise TransferError("busy", "another process is fetching it", passing=False) from error
+    try:
+        yield folder
+    finally:
+        if not (folder / "part").exists():  # what arrived of a file waits for the next run
+            shutil.rmtree(folder, ignore_errors=True)
+        lock.release()
 
 
 def _attempts(item: Item, folder: Path, target: Path, settings: FetchSettings, rate: RateLimit) -> int:

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 import os
 import uuid
 from collections.abc import Mapping, Sequence
@@ -122,21 +121,11 @@ def _csv_text(rows: Sequence[Row]) -> str:
 
 
 def _toml_text(whole: Mapping[str, Any], rows: Sequence[Row]) -> str:
-    def lines(values: Mapping[str, Any]) -> list[str]:
-        return [f"{_key(name)} = {_value(value)}" for name, value in values.items()]
+    from tomli_w import dumps
 
-    parts = ["\n".join(lines(whole))] + ["\n".join(["[[image]]", *lines(row)]) for row in rows]
-    return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if name.replace("_", "a").isalnum() and name.isascii() else json.dumps(name, ensure_ascii=False)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_value, value)) + "]"
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    # Not one `image = [...]`, which tomli-w makes of short rows: nobody could then add an [[image]] by hand.
+    parts = [dumps(whole), *(f"[[image]]\n{dumps(row)}" for row in rows)]
+    return "\n".join(part for part in parts if part)
 
 
 def _write_parquet(path: Path, rows: Sequence[Row]) -> None:

@@ -1,5 +1,6 @@
 """The command line `planetpose`. A command is a module of this package that has `register(app)`; it imports what is
-heavy inside its functions, so that `planetpose --help` and cached answers come at once."""
+heavy inside its functions, so that `planetpose --help` and cached answers come at once. Other packages add commands by
+entry points (`contributed`)."""
 
 import os
 import pkgutil
@@ -7,12 +8,15 @@ import sys
 from importlib import import_module
 
 import typer
+from typer.main import get_group
+
+from flows.cli.contributed import add_contributed
 
 USAGE_ERROR = 2
 
 
 def build_app() -> typer.Typer:
-    """The application with every command of this package."""
+    """The application with every command of this package and of those that contribute some."""
     app = typer.Typer(
         name="planetpose",
         help="Precise geometry of disk-resolved spacecraft images.",
@@ -25,6 +29,7 @@ def build_app() -> typer.Typer:
         command = import_module(f"{__name__}.{module.name}")
         if hasattr(command, "register"):
             command.register(app)
+    add_contributed(app, set(get_group(app).commands))
     return app
 
 

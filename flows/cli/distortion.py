@@ -22,7 +22,7 @@ def distortion(
 ) -> None:
     """Measure an image's distortion with every method: marks found, errors, figures."""
     from flows.cli.output import clean_stdout, write_json
-    from flows.distortion import distortion_report
+    from tasks.distortion.report import distortion_report
 
     with clean_stdout() as answer:
         report = distortion_report(file, out if figures else None, camera)

@@ -50,8 +50,9 @@ def export(
 
     from catalog.errors import RefusedError
     from flows.cli.output import clean_stdout, write_json
-    from flows.export import ExportSettings, export_products
+    from flows.export import export_products
     from tasks.export.pixels import Selection
+    from tasks.export.settings import ExportSettings
     from tasks.publish.check import products_in
 
     emission = {} if max_emission_deg is None else {"max_emission_deg": max_emission_deg}

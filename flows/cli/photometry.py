@@ -53,10 +53,12 @@ def photometry(
     import sys
 
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
-    from flows.photometry import PhotometrySettings, fit_store, in_json, read_regions, write_photometry
+    from flows.photometry import fit_store
     from tasks.export.pixels import Selection
+    from tasks.photometry.files import in_json, write_photometry
     from tasks.photometry.fit import FitSettings
     from tasks.photometry.laws import LAWS
+    from tasks.photometry.regions import PhotometrySettings, read_regions
 
     if law not in LAWS:
         raise typer.BadParameter(f"known are {', '.join(LAWS)}", param_hint="--law")

@@ -24,7 +24,8 @@ def report(
     import sys
 
     from flows.cli.output import clean_stdout, log_to_stderr
-    from flows.report.write import KINDS, USUAL, write_report
+    from flows.report import write_report
+    from tasks.report.pictures import KINDS, USUAL
 
     unknown = sorted(set(picture or ()) - set(KINDS))
     if unknown:

@@ -1,14 +1,11 @@
 """What Prefect is told about a run: artifacts for its pages, an event for its automations."""
 
-import base64
 import logging
 import math
 import time
 from typing import Any
 from uuid import UUID
 
-from catalog.errors import RefusedError
-from catalog.regular_file import read_regular
 from flows.prefect_settings import server_is_lost
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.run import Run
@@ -18,7 +15,7 @@ from flows.verdict import PUBLISHED
 Summary = dict[str, Any]
 FINISHED, TOO_MANY = "planetpose.reprocess.finished", "planetpose.reprocess.too-many-failed"
 TELL_EVERY_S = 10.0
-LISTED, PICTURES, PICTURE_SIDE_PX = 500, 6, 480
+LISTED, PICTURES = 500, 6
 logger = logging.getLogger("planetpose")
 
 
@@ -114,26 +111,11 @@ def pictures_of(run: Run) -> str:
 
 def picture_of(run: Run, outcome: Outcome) -> str | None:
     """A small overlay with its caption; None when there is none."""
-    import cv2
-    import numpy as np
+    from tasks.pictures.embedded import overlay_in_markdown
 
-    from tasks.publish.contained import refuse_what_is_elsewhere
-    from tasks.publish.names import OVERLAY
-
-    folder = run.settings.store / outcome.product
-    try:
-        refuse_what_is_elsewhere(folder)
-        overlay = cv2.imdecode(np.frombuffer(read_regular(folder / OVERLAY), np.uint8), cv2.IMREAD_COLOR)
-    except (OSError, RefusedError, cv2.error):
+    picture = overlay_in_markdown(run.settings.store / outcome.product)
+    if picture is None:
         return None
-    if overlay is None:
-        return None
-    scale = PICTURE_SIDE_PX / max(overlay.shape[:2])
-    small = cv2.resize(overlay, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else overlay
-    encoded, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 80])
-    if not encoded:
-        return None
-    text = base64.b64encode(jpeg.tobytes()).decode()
     rms = "unknown" if outcome.limb_rms_px is None else f"{outcome.limb_rms_px:.2f} px"
     caption = f"**{outcome.product}**: {outcome.status}, limb rms {rms}"
-    return f"{caption}\n\n![{outcome.product}](data:image/jpeg;base64,{text})"
+    return f"{caption}\n\n{picture}"

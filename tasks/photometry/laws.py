@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from tasks.synthetic.hapke import HapkeSurface, hapke
+from tasks.photometry.hapke import HapkeSurface, hapke
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float]
@@ -61,7 +61,7 @@ def lunar_lambert_reflectance(values: Values, mu0: Array, mu: Array, phase_deg: 
 
 
 def hapke_reflectance(values: Values, mu0: Array, mu: Array, phase_deg: Array) -> Array:
-    """I/F by Hapke's model with roughness; see `tasks.synthetic.hapke`."""
+    """I/F by Hapke's model with roughness; see `tasks.photometry.hapke`."""
     surface = HapkeSurface(**{name: float(values[name]) for name in ("w", "b", "c", "b0", "h", "theta_deg")})
     return hapke(mu0, mu, np.cos(np.radians(phase_deg)), surface)
 

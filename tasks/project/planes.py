@@ -106,8 +106,8 @@ def project_planes(
     from the apparent direction, as ILUMIN does, so emission may exceed 90 by v/c at the limb). One exception: ILUMIN
     takes the Sun in the frame of the centre's light time, so on a body as large and quick as Jupiter its incidence and
     phase are 0.0024 deg off; on moons that is below 2e-5 deg. Without velocities one fixed geometry serves the whole
-    disk: SPICE's to 1e-9 deg with no corrections (`flows/benchmark.py` measures it), off by 0.02 deg (emission below
-    80 deg) from what LT+S gives.
+    disk: SPICE's to 1e-9 deg with no corrections (`planetpose benchmark projection` measures it), off by 0.02 deg
+    (emission below 80 deg) from what LT+S gives.
 
     Raises RefusedError when the pose puts spacecraft or Sun inside the target; ValueError for an unknown plane or an
     empty window.

@@ -1,22 +1,27 @@
 """Image lists: what is read, what is refused and where, and that what is written is read again."""
 
+import tomllib
 from collections import Counter
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
 from astropy.io import fits
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
-from catalog.europa57 import paper_images
 from catalog.lists import ImageEntry, ImageList, known_lists, load_image_list, write_image_list
 from catalog.lists.adding import Wanted, add_to_list, check_list
 from catalog.lists.kernel_sets import expanded, known_kernel_sets
 from catalog.lists.location import known_archives, parse_location
+from catalog.lists.tables import Row, write_table
 from catalog.times import et_from_utc
 from flows.cli import build_app
 from flows.request import Request
+from lab.simulate.europa57 import paper_images
 
 FULL = ImageEntry(
     product="C1",
@@ -50,6 +55,31 @@ def test_what_is_written_is_read_again(suffix: str, tmp_path: Path) -> None:
     assert again.located(again.entries[1].image) == tmp_path / "b.img"
     assert (again.missing == ("m",)) == (suffix == "toml")
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@given(
+    titles=st.text(st.characters(exclude_categories=("Cs",)), max_size=30),
+    rows=st.lists(
+        st.dictionaries(
+            st.text(st.characters(exclude_categories=("Cs",)), min_size=1, max_size=8),
+            st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
+            | st.floats(allow_nan=False, allow_infinity=False)
+            | st.integers(-(2**53), 2**53)
+            | st.booleans()
+            | st.lists(st.text("a'\"\\\x7f\n", max_size=5), max_size=3),
+            max_size=5,
+        ),
+        max_size=4,
+    ),
+)
+def test_any_text_survives_a_toml_list_to_which_images_can_be_added_by_hand(titles: str, rows: list[Row]) -> None:
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "own.toml")
+        write_table(path, {"title": titles}, rows)
+        written = path.read_text(encoding="utf-8")
+    assert tomllib.loads(written) == {"title": titles} | ({"image": rows} if rows else {})
+    by_hand = '\n[[image]]\nproduct = "Z"\n'
+    assert tomllib.loads(written + by_hand)["image"] == [*rows, {"product": "Z"}]
 
 
 @pytest.mark.parametrize(

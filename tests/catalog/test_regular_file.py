@@ -24,10 +24,10 @@ from catalog.regular_file import ChangedError, NotRegularError, TooLargeError, o
 from catalog.reseau import read_reseau_table
 from catalog.spice import kernel_pool, refuse_what_holds_no_kernel
 from catalog.target import find_target
-from flows.photometry import read_regions
 from flows.profile import read_profile
 from flows.request import digest_of
 from tasks.export.pixels import Selection
+from tasks.photometry.regions import read_regions
 from tasks.project.mesh import read_mesh
 
 

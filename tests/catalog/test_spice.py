@@ -9,12 +9,12 @@ import pytest
 
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
-from catalog.europa57 import PaperImage, paper_images
 from catalog.pose import PartialPose
 from catalog.spice import kernel_pool, list_kernels, refuse_what_holds_no_kernel
 from catalog.spice_pose import pose_parts_from_loaded, pose_parts_from_spice
 from catalog.target import find_target
 from catalog.times import et_from_utc
+from lab.simulate.europa57 import PaperImage, paper_images
 
 spiceypy = pytest.importorskip("spiceypy")
 real = pytest.mark.real

@@ -10,10 +10,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from flows.rehearsal.deployment import products
-from flows.rehearsal.postgres import postgres_binaries
-from flows.rehearsal.processes import CREDENTIALS, wait_until
-from flows.rehearsal.scenarios import DEPLOYMENT, EVERY_S, Stage, stage
+from lab.rehearsal.deployment import products
+from lab.rehearsal.postgres import postgres_binaries
+from lab.rehearsal.processes import CREDENTIALS, wait_until
+from lab.rehearsal.scenarios import DEPLOYMENT, EVERY_S, Stage, stage
 
 IMAGES = 3
 

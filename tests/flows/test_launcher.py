@@ -1,4 +1,4 @@
-"""A user's own tasks.py, flows.py or catalog.py, on PYTHONPATH or in the working folder, is never taken for ours."""
+"""A user's own tasks.py, flows.py, catalog.py or lab.py, wherever it is, never stands for ours."""
 
 import json
 import os
@@ -12,11 +12,11 @@ import pytest
 from flows.children import LAUNCHER, our_command, our_module, their_module
 
 MINE = "open({!r}, 'a').write(__name__ + chr(10)); raise SystemExit('a file of the user was executed')\n"
-NAMES = ("tasks", "flows", "catalog")
+NAMES = ("tasks", "flows", "catalog", "lab")
 WHERE = """
 import json, sys
-import planetpose_launcher, flows, tasks.atomic, catalog.settings
-print(json.dumps([m.__file__ for m in (flows, tasks.atomic, catalog.settings)]))
+import planetpose_launcher, flows, tasks.atomic, catalog.settings, lab
+print(json.dumps([m.__file__ for m in (flows, tasks.atomic, catalog.settings, lab)]))
 """
 POOL = """
 from concurrent.futures import ProcessPoolExecutor
@@ -66,7 +66,7 @@ def test_the_installed_command_is_ours(mine: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("module", ["flows.fuzz.child"])
+@pytest.mark.parametrize("module", ["lab.fuzz.child"])
 def test_modules_that_we_start_are_ours(mine: Path, module: str) -> None:
     done = run(our_module(module, str(10**9)), mine)
     assert (done.returncode, json.loads(done.stdout)) == (0, {"ready": True}), done.stderr

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 from catalog.errors import RefusedError
 from flows.cli import build_app
 from flows.correct import one_result
-from flows.fuzz.batch import Ground
 from flows.plan import answer_from_cache
 from flows.progress import Silent
 from flows.reprocessing.one_image import job_of, outcome_of
@@ -23,8 +22,9 @@ from flows.reprocessing.requests import requests_of
 from flows.reprocessing.run import Run, Tally
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.worker import Voice, do
-from flows.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
 from flows.status import status_of
+from lab.fuzz.batch import Ground
+from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
 from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_taken
 from tasks.step import AnyStep, run
 

@@ -23,9 +23,9 @@ from flows.reprocessing.run import begin, planned
 from flows.reprocessing.settings import Settings
 from flows.reprocessing.sweep import prune, sweep
 from flows.request import Request
-from flows.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from flows.status import status_of
 from flows.trace import inputs_changed, kernels_changed, leaves_changed
+from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from tasks.record import RECORD_FILE
 
 

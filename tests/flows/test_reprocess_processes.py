@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from catalog.errors import FailedError, RefusedError
-from flows.faults.processes import runs
 from flows.reprocessing.claims import claimed, sweep_claims
 from flows.reprocessing.faults import can_pass
 from flows.reprocessing.settings import Limits
 from flows.reprocessing.workman import LostError, Workman
+from lab.faults.processes import runs
 
 LIMITS = Limits(image_timeout_s=120)
 

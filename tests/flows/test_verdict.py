@@ -10,16 +10,16 @@ import pytest
 from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
-from flows.profile import AcceptSettings
 from flows.result import file_trouble
-from flows.verdict import (
+from flows.verdict import reminded
+from tasks.accept.judgement import (
     believe,
     doubtful_limb,
     explained,
     is_about_orientation,
     refuse_doubtful_behind,
-    reminded,
 )
+from tasks.accept.settings import AcceptSettings
 from tasks.atomic import file_put_in_place, folder_put_in_place
 from tasks.validate.limb import LimbFigures, robust_rms
 from tasks.validate.step import OrientationReport

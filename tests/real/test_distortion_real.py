@@ -12,7 +12,8 @@ from catalog.camera import find_camera
 from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
 from catalog.reseau.archive import read_archive_marks
-from flows.distortion import benchmark_undistortion, distortion_report
+from lab.benchmark.undistortion import benchmark_undistortion
+from tasks.distortion.report import distortion_report
 from tasks.undistort import UndistortSettings, seen_marks, undistort
 from tasks.undistort.bending import USUAL_PX_PER_DN
 from tasks.undistort.bent_plate import coefficient_of_frame

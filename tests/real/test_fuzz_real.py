@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.fuzz.bench import fuzz_readers, originals_in, table
+from lab.fuzz.bench import fuzz_readers, originals_in, table
 
 pytestmark = pytest.mark.real
 COUNT = 200

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from catalog.camera import find_camera
-from catalog.europa57 import paper_images
 from catalog.pose import VELOCITY_KEYS, Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.spice import kernel_pool, list_kernels
 from catalog.spice_pose import pose_parts_from_loaded
 from catalog.target import find_target
 from catalog.times import et_from_utc
+from lab.simulate.europa57 import paper_images
 from tasks.kernels.exposure import Exposure
 from tasks.kernels.round_trip import largest_difference_deg, round_trip, spice_planes
 from tasks.kernels.write import write_kernel_set

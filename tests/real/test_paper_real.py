@@ -7,8 +7,8 @@ import pytest
 from real_bench import Bench
 
 from catalog.errors import RefusedError
-from catalog.europa57 import paper_images
-from tasks.paper.published import neighbours, published_differences
+from lab.paper.published_geometry import neighbours, published_differences
+from lab.simulate.europa57 import paper_images
 from tasks.pictures.limb_profiles import compare_limbs
 from tasks.pictures.product import read_product
 from tasks.pictures.redraw import draw_limb

@@ -9,12 +9,12 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from flows.image import settled
 from flows.profile import Profile, find_profile
+from lab.simulate.plant import PoseError, planted, pose_error
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correcting import recorded
 from tasks.point import PointSettings, find_pointing
 from tasks.range import RangeSettings, find_range
 from tasks.simulate import Scene
-from tasks.simulate.plant import PoseError, planted, pose_error
 from tasks.validate import validate_limb
 
 OFFSET_BAR_PX, RANGE_BAR, ATTITUDE_BAR_DEG = 0.05, 5e-4, 0.1

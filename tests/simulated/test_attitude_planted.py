@@ -7,9 +7,9 @@ from simulated_world import EUROPA, flagged, observation_of, scene_of, small_cam
 from catalog.basemap import uniform_map
 from catalog.observation import Observation
 from catalog.rotation import rotation_from_vector_deg
+from lab.simulate.plant import planted, pose_error
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correction import Correction
-from tasks.simulate.plant import planted, pose_error
 
 CAMERA = small_camera(diameter_px=200, size_px=(240, 232)).model_copy(update={"centre_px": (113.3, 121.6)})
 SCENE = scene_of(CAMERA)

@@ -8,12 +8,9 @@ import pytest
 from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
-from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bound import cramer_rao
-from tasks.joint.estimate import estimated, prior_sigmas
-from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
-from tasks.joint.settings import PriorSettings, SystematicSettings
-from tasks.paper.small_world import (
+from lab.simulate.picture import picture_of
+from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import (
     NOISE_DN,
     PEAK_DN,
     SKY_DN,
@@ -23,11 +20,14 @@ from tasks.paper.small_world import (
     small_camera,
     true_pose,
 )
+from lab.simulate.surface import TrueSurface
+from tasks.joint import JointSettings, find_pose_jointly
+from tasks.joint.bound import cramer_rao
+from tasks.joint.estimate import estimated, prior_sigmas
+from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
+from tasks.joint.settings import PriorSettings, SystematicSettings
 from tasks.simulate import Scene
-from tasks.simulate.plant import planted, pose_error
 from tasks.simulate.window import Window
-from tasks.synthetic.picture import picture_of
-from tasks.synthetic.surface import TrueSurface
 
 DIAMETER_PX = 90.0
 LOOSE = PriorSettings(range_relative=None, roll_deg=0.2, attitude_deg=3.0, psf_relative=0.3)

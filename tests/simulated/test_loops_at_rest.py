@@ -15,6 +15,7 @@ import tasks.roll.solve as roll
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.rotation import rotation_from_vector_deg
+from lab.simulate.plant import planted, pose_error
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.compare.limb_fit import LimbFit
 from tasks.compare.match import Match
@@ -23,7 +24,6 @@ from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS, Shift
 from tasks.roll import RollSettings, find_roll
 from tasks.roll.refine import TurnStep
-from tasks.simulate.plant import planted, pose_error
 
 Array = NDArray[np.float64]
 # What a brick adds to the true move, by the number of the call: here the pixels' samples lead it astray.

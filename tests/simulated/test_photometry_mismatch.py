@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
+from lab.simulate.plant import PoseError, planted, pose_error
 from tasks.point import PointSettings, find_pointing
 from tasks.range import RangeSettings, find_range
 from tasks.range.similarity_scan import ScanSettings
-from tasks.simulate.plant import PoseError, planted, pose_error
 
 CAMERA = small_camera(diameter_px=110, size_px=(152, 148)).model_copy(update={"centre_px": (71.3, 79.6)})
 TRUTH = true_pose(CAMERA, phase_deg=64.0)

@@ -22,9 +22,9 @@ from catalog.basemap import uniform_map
 from catalog.errors import FailedError, RefusedError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from lab.simulate.plant import planted, pose_error
 from tasks.correction import Correction
 from tasks.point import PointSettings, find_pointing
-from tasks.simulate.plant import planted, pose_error
 
 CAMERA = small_camera(diameter_px=120)
 SCENE = scene_of(CAMERA, oversample=3)

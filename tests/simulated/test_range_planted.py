@@ -7,9 +7,9 @@ from simulated_world import EUROPA, observation_of, scene_of, small_camera, true
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from lab.simulate.plant import planted, pose_error
 from tasks.range import RangeSettings, find_range
 from tasks.range.similarity_scan import ScanSettings
-from tasks.simulate.plant import planted, pose_error
 
 CAMERA = small_camera(diameter_px=120, size_px=(164, 156)).model_copy(update={"centre_px": (77.3, 81.6)})
 TRUTH = true_pose(CAMERA)

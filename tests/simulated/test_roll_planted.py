@@ -6,10 +6,10 @@ from simulated_world import EUROPA, observation_of, scene_of, small_camera, true
 
 from catalog.basemap import uniform_map
 from catalog.observation import Observation
+from lab.simulate.plant import planted, pose_error
 from tasks.correction import Correction
 from tasks.roll import RollSettings, find_roll
 from tasks.roll.turns import camera_rolled, target_turned
-from tasks.simulate.plant import planted, pose_error
 
 CAMERA = small_camera(diameter_px=84, size_px=(124, 116)).model_copy(update={"centre_px": (51.3, 70.6)})
 TRUTH = true_pose(CAMERA, phase_deg=60.0)

@@ -12,14 +12,14 @@ from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from flows.profile import find_profile
-from flows.verdict import believe, doubtful_likeness
+from lab.simulate.plant import planted, pose_error
+from tasks.accept.judgement import believe, doubtful_likeness
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS
 from tasks.range import RangeSettings, find_range
 from tasks.roll import RollSettings, find_roll
 from tasks.simulate import Scene
-from tasks.simulate.plant import planted, pose_error
 from tasks.validate import validate_limb
 
 CAMERA = small_camera(diameter_px=64, size_px=(104, 96)).model_copy(update={"centre_px": (50.3, 46.6)})

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
+from lab.simulate.small_world import small_camera, true_pose
 from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.factors import mean_factors, survives
 from tasks.adjust.likelihood import KINDS
@@ -15,7 +16,6 @@ from tasks.adjust.sequences import sequences_of
 from tasks.adjust.solve import AT_ATTITUDE
 from tasks.adjust.table import adjustment_table
 from tasks.joint.parameters import ATTITUDE, NAMES, RANGE, ROLL, State, difference
-from tasks.paper.small_world import small_camera, true_pose
 
 Array = NDArray[np.float64]
 EUROPA = find_target("europa")

@@ -12,13 +12,13 @@ from catalog.basemap import packaged_map_path
 from catalog.digest import sha256_of_file
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from lab.simulate.plant import pose_error
+from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
 from tasks.joint.step import JointInputs, Known, known_after, run
-from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.scene_inputs import BaseMapInputs, SceneFiles, SceneInputs
 from tasks.simulate import Scene
-from tasks.simulate.plant import pose_error
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
 from tasks.undistort.bending import bending_field
 from tasks.undistort.resample import displaced

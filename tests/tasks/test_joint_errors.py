@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from catalog.target import find_target
+from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
 from tasks.joint.parameters import OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale, width_in_frame_px
 from tasks.joint.uncertainty import of_the_body
-from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
-from tasks.simulate.plant import planted, pose_error
 
 ONCE = JointSettings(second_start=False)
 

@@ -8,15 +8,15 @@ import pytest
 
 from catalog.basemap import BaseMap
 from catalog.observation import Observation
+from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.compare.limb_errors import limb_covariance, relief_covariance, shared_along
 from tasks.joint import JointSettings
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.estimate import Estimate, estimated, prior_sigmas, weighed
 from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb, with_the_other
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
-from tasks.paper.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.simulate import Scene
-from tasks.simulate.plant import planted, pose_error
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
 SIGMAS = prior_sigmas(SETTINGS.priors.file)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from lab.simulate.plant import pose_error
+from lab.simulate.small_world import SKY_DN, clean_image, observed, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.paper.small_world import SKY_DN, clean_image, observed, scene_of, small_camera, true_pose
-from tasks.simulate.plant import pose_error
 
 ONCE = JointSettings(second_start=False)
 

@@ -13,10 +13,10 @@ from catalog.basemap import uniform_map
 from catalog.camera import Camera
 from catalog.observation import Observation
 from catalog.pose import Pose
+from lab.simulate.small_world import scene_of, small_camera, true_pose
 from tasks.correction import Correction
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.smear import line_kernel, smeared, trail_columns
-from tasks.paper.small_world import scene_of, small_camera, true_pose
 from tasks.point.rotation import pose_moved_by
 
 RADIUS_PX, FINE, SIZE_PX = 40.0, 5, (112, 104)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from catalog.basemap import uniform_map
+from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.correction import Correction
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.paper.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.point.rotation import pose_moved_by
 
 RADIUS_PX = 40.0

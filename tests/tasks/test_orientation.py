@@ -12,11 +12,11 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target, find_target
+from lab.simulate.small_world import clean_image, observation_of, observed, scene_of, small_camera, true_pose
 from tasks.attitude.markings import judged_markings, mismatch_of
 from tasks.attitude.symmetry import better_flip, doubt_of_symmetry
 from tasks.joint.outline import outline_spread
 from tasks.joint.parameters import OFFSET, RANGE
-from tasks.paper.small_world import clean_image, observation_of, observed, scene_of, small_camera, true_pose
 from tasks.simulate import Scene
 from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
 

@@ -13,12 +13,12 @@ from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.spice import kernel_pool
 from catalog.target import Target
+from lab.benchmark.spice_oracle import BODY, BODY_ID, FRAME, SPACECRAFT, write_kernels
 from tasks.project.mesh import Mesh, mesh_of, read_mesh
 from tasks.project.more_planes import more_planes
 from tasks.project.pixels import project_pixels
 from tasks.project.planes import ANGLES, SUNLIT, project_planes
 from tasks.project.shaped import mesh_seen
-from tasks.project.spice_oracle import BODY, BODY_ID, FRAME, SPACECRAFT, write_kernels
 
 CAMERA = Camera(name="test", size_px=(120, 100), centre_px=(57.0, 52.0), focal_length_px=6e4)
 RADII = (12.0, 12.0, 12.0)

@@ -13,11 +13,11 @@ from scipy.spatial.transform import Rotation
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import RotationModel, Target
+from lab.benchmark.reference import project_planes_with_numpy
 from tasks.compiled import compiled
 from tasks.project.kernel import _atan2_deg
 from tasks.project.planes import ANGLES, PLANES, POINT, project_planes
 from tasks.project.points import body_points
-from tasks.project.reference import project_planes_with_numpy
 
 CAMERA = Camera(name="test", size_px=(90, 70), centre_px=(44.2, 35.9), focal_length_px=5e4)
 TRIAXIAL = Target(name="Body", naif_id=1, radii_km=(1829.4, 1819.4, 1500.7))

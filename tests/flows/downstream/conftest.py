@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tasks.photometry.planted import Planted, write_planted_store
+from lab.simulate.photometric_store import Planted, write_planted_store
 
 PHASES_DEG = (12.0, 40.0, 70.0, 100.0)
 

@@ -13,8 +13,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from browser import Page, browser_page, find_browser
 
-from flows.report.write import Report, last_change, write_report
+from flows.report import Report, write_report
 from tasks.pictures.store_figures import QUANTITIES
+from tasks.report.pictures import last_change
 
 DAMAGED, FINE, DOUBTFUL = "BROKEN", "PHASE_012.0", "PHASE_070.0"
 REASON = "<b>limb</b> & similarity disagree"
@@ -78,7 +79,7 @@ def test_every_image_has_a_page_and_every_link_is_relative_and_leads_somewhere(r
 
 
 def test_a_range_factor_is_told_to_its_sixth_digit() -> None:
-    from flows.report.page import environment
+    from tasks.report.page import environment
 
     digits = {quantity.name: quantity.digits for quantity in QUANTITIES}
     assert environment().filters["figure_number"](1.000307, digits["range_factor"]) == "1.00031"

@@ -1,10 +1,10 @@
-"""The small world of `tasks.paper.small_world`, under the name by which the tests with planted truth import it."""
+"""The small world of `lab.simulate.small_world`, under the name by which the tests with planted truth import it."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation, Quality
-from tasks.paper.small_world import (
+from lab.simulate.small_world import (
     BODY_FROM_J2000,
     CAMERA_FROM_J2000,
     EUROPA,

@@ -235,7 +235,7 @@ def test_the_flow_brings_the_index_up_to_date_only_for_what_it_published(store):
 
 def test_the_benchmark_of_the_index_opens_every_row_here_and_in_a_new_process():
     """At a fiftieth of its size; how long it takes is for `planetpose benchmark index` to say (0.03 s, bar 1 s)."""
-    from flows.benchmark_index import benchmark_index
+    from lab.benchmark.index import benchmark_index
 
     figures = benchmark_index(20)
     print(figures)

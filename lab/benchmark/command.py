@@ -1,0 +1,102 @@
+"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput"""
+
+from typing import Annotated
+
+import typer
+
+from lab.faults.command import faults, reprocess
+from lab.fuzz.command import batches, fuzz
+from lab.honesty.command import honesty
+from lab.rehearsal.command import deploy, throughput
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command group."""
+    group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
+    group.callback()(lambda: None)
+    group.command()(projection)
+    group.command()(mesh)
+    group.command()(steps)
+    group.command()(index)
+    group.command()(fuzz)
+    group.command()(batches)
+    group.command()(honesty)
+    group.command()(faults)
+    group.command()(reprocess)
+    group.command()(deploy)
+    group.command()(throughput)
+    app.add_typer(group, name="benchmark")
+
+
+def projection(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
+    peers: Annotated[
+        bool, typer.Option("--peers", help="rms-oops and PlanetMapper too (pip install planetpose\\[lab]).")
+    ] = False,
+) -> None:
+    """Time five planes of a frame against plain numpy and a SPICE loop, and compare the angles."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.benchmark.projection import benchmark_projection
+
+    with clean_stdout() as answer:
+        figures = benchmark_projection(size, peers)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def mesh(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
+    facets: Annotated[int, typer.Option(min=100, max=10_000_000, help="About this many triangles.")] = 200_000,
+) -> None:
+    """Time five planes of a frame on a shape model, a sphere of triangles, and compare them with the sphere's."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.benchmark.mesh import benchmark_mesh
+
+    with clean_stdout() as answer:
+        figures = benchmark_mesh(size, facets)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in {**figures.pop("differences_deg"), **figures}.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def steps(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "paper",
+) -> None:
+    """Time every step of a profile for a 224-px disk in a 1024x1024 frame on one core, and the flow of such frames."""
+    from flows.cli.correct import usable_profile
+    from flows.cli.output import clean_stdout, write_json
+    from lab.benchmark.steps import benchmark_steps
+
+    usable_profile(profile, None)
+    with clean_stdout() as answer:
+        figures = benchmark_steps(profile)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in {**figures.pop("steps_s"), **figures}.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def index(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    products: Annotated[int, typer.Option(min=2, max=100_000, help="Products in the store.")] = 1000,
+) -> None:
+    """Time a store's index: made from the cubes, opened, brought up to date after one change."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.benchmark.index import benchmark_index
+
+    with clean_stdout() as answer:
+        figures = benchmark_index(products)
+        if json:
+            write_json(answer, figures)
+        else:
+            for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)

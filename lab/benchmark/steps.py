@@ -1,0 +1,133 @@
+"""How long every step of a profile takes on one core: a disk of 224 px in a frame of 1024 x 1024."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from catalog.basemap import map_of_target
+from catalog.camera import Camera, find_camera
+from catalog.pose import Pose, write_pose_file
+from catalog.rotation import rotation_from_vector_deg
+from catalog.target import Target, find_target
+from flows.correct import one_result
+from flows.profile import find_profile
+from flows.progress import Silent
+from flows.request import Request
+from lab.simulate.plant import planted
+from tasks.attitude.flow import optical_flow
+from tasks.simulate import Scene
+from tasks.simulate.window import Window
+from tasks.step import run
+
+CAMERA, TARGET = "newhorizons-lorri", "europa"
+DIAMETER_PX = 224.0
+OFFSET_PX, RANGE_FACTOR, ATTITUDE_DEG = (16.5, 9.4), 0.997, (0.5, -0.4, 0.6)
+PEAK_DN, SKY_DN, NOISE_DN = 3000.0, 60.0, 15.0
+# By profile; None where nobody set one.
+BARS_S = {"paper": 15.0, "joint": 5.0}
+FLOW_BAR_S = 1.0
+
+
+def benchmark_steps(profile: str = "paper", flow_size: int = 1024) -> dict[str, Any]:
+    """Seconds of every step from the file to the cube, without cache, without Prefect, and on one core where the system
+    lets a process be held there; and of the optical flow of two frames of flow_size x flow_size pixels.
+
+    The image is rendered with planted errors of the paper's mean size. first_s: of a first run, which also loads
+    libraries and compiles; total_s: of a second one, without its cache; total_cpu_s: what the processor worked on it,
+    which is what total_s is on a machine with nothing else to do, and is held against total_bar_s (of the profiles that
+    have a bar).
+    """
+    camera, target = find_camera(CAMERA), find_target(TARGET)
+    truth = true_pose(camera, target)
+    with TemporaryDirectory() as name, one_core() as held:
+        folder = Path(name)
+        write_image(folder / "disk.png", camera, target, truth)
+        write_pose_file(planted(truth, camera, OFFSET_PX, RANGE_FACTOR, ATTITUDE_DEG), folder / "disk.json")
+        first_s, _, _ = correct(folder, profile, "first")
+        total_s, cpu_s, result = correct(folder, profile, "second")
+        flow_s = flow_seconds(flow_size)
+    return {
+        "profile": profile,
+        "size_px": list(camera.size_px),
+        "diameter_px": DIAMETER_PX,
+        "on_one_core": held,
+        "status": result["status"],
+        "reason": result["reason"],
+        "limb_rms_px": result["limb_rms_px"],
+        "steps_s": result["seconds"],
+        "total_s": round(total_s, 3),
+        "total_cpu_s": round(cpu_s, 3),
+        "total_bar_s": BARS_S.get(find_profile(profile).name),
+        "first_s": round(first_s, 3),
+        "flow_size_px": flow_size,
+        "flow_s": round(flow_s, 3),
+        "flow_bar_s": FLOW_BAR_S,
+    }
+
+
+def true_pose(camera: Camera, target: Target) -> Pose:
+    """The target DIAMETER_PX wide, off the frame's middle, at a phase angle of about 45 degrees."""
+    range_km = 2 * target.mean_radius_km * camera.focal_length_px / DIAMETER_PX
+    sight = camera.ray((470.3, 540.8)) * range_km
+    return Pose(0.0, np.eye(3), sight, np.array([-5e8, 1.5e8, -5e8]), rotation_from_vector_deg([20, 30, 40]))
+
+
+def write_image(path: Path, camera: Camera, target: Target, pose: Pose) -> None:
+    """A 16-bit picture with noise."""
+    from PIL import Image
+
+    scene = Scene(camera, target, map_of_target(target))
+    clean = scene.render(pose, Window(0, 0, *camera.size_px)).image()
+    noisy = SKY_DN + PEAK_DN * clean / clean.max() + np.random.default_rng(0).normal(0, NOISE_DN, clean.shape)
+    Image.fromarray(np.clip(noisy, 0, 65535).astype(np.uint16)).save(path)
+
+
+def correct(folder: Path, profile: str, attempt: str) -> tuple[float, float, dict[str, Any]]:
+    """Seconds of a run from the file to the cube, by the clock and of the processor, and its result."""
+    request = Request(
+        image=folder / "disk.png",
+        store=folder / attempt,
+        camera=CAMERA,
+        target=TARGET,
+        pose_file=folder / "disk.json",
+        kernels=(),
+        profile=find_profile(profile),
+        cache=folder / f"cache-{attempt}",
+    )
+    started, busy = time.perf_counter(), time.process_time()
+    result = one_result(request, Silent(), run_step=run)
+    return time.perf_counter() - started, time.process_time() - busy, result
+
+
+def flow_seconds(size: int) -> float:
+    """Best of three: flow of two textured frames by the paper's boxes."""
+    from scipy.ndimage import gaussian_filter
+
+    texture = gaussian_filter(np.random.default_rng(0).normal(size=(size, size)), 2).astype(np.float32)
+    moved, usable = np.roll(texture, 2, axis=1), np.ones(texture.shape, bool)
+    seconds = []
+    for _ in range(3):
+        started = time.perf_counter()
+        optical_flow(moved, texture, usable)
+        seconds.append(time.perf_counter() - started)
+    return min(seconds)
+
+
+@contextmanager
+def one_core() -> Iterator[bool]:
+    """Hold this process on one core within the `with` block, where the system can; whether it can."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield False
+        return
+    cores = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})
+    try:
+        yield True
+    finally:
+        os.sched_setaffinity(0, cores)

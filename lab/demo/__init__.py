@@ -1,0 +1,1 @@
+"""A small archive with planted errors, simulated and corrected: `planetpose demo`."""

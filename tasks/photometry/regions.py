@@ -1,0 +1,66 @@
+"""The regions that a phase function is fitted to, and what came of each."""
+
+import csv
+import io
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from catalog.errors import RefusedError
+from catalog.regular_file import read_regular_text
+from tasks.export.pixels import Selection
+from tasks.photometry.each_image import ImageLimbWeight
+from tasks.photometry.fit import FitSettings, PhotometricFit
+from tasks.photometry.region import RegionPixels
+
+REGION_COLUMNS = ("region", "south", "north", "west", "east")
+
+
+@dataclass(frozen=True)
+class PhotometrySettings:
+    """law: name. selection: region and limits of the angles. doubtful: doubtful images too. albedo_map: divide the
+    products' base map out. fit: see there."""
+
+    law: str = "lunar-lambert"
+    selection: Selection = field(default_factory=lambda: Selection(max_incidence_deg=75.0, max_emission_deg=75.0))
+    doubtful: bool = False
+    albedo_map: bool = False
+    max_pixels_per_image: int = 5_000
+    fit: FitSettings = field(default_factory=FitSettings)
+
+
+@dataclass(frozen=True)
+class RegionResult:
+    """One region: its pixels, the fit and L of each image, or the reason why there is none. left_out: products that
+    could not be read, and why."""
+
+    name: str
+    selection: Selection
+    pixels: RegionPixels | None = None
+    fit: PhotometricFit | None = None
+    each: tuple[ImageLimbWeight, ...] = ()
+    reason: str | None = None
+    left_out: tuple[tuple[str, str], ...] = ()
+
+
+def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
+    """Regions of a CSV file with the columns region, south, north, west, east (degrees, east positive); the other
+    limits are those of `limits`. Raises RefusedError when the file has no such rows."""
+    remedy = f"Give a CSV file with the columns {', '.join(REGION_COLUMNS)}."
+    try:
+        rows = list(csv.DictReader(io.StringIO(read_regular_text(path), newline="")))
+        found = [
+            (
+                row["region"],
+                replace(
+                    limits,
+                    latitude_deg=(float(row["south"]), float(row["north"])),
+                    longitude_deg=(float(row["west"]), float(row["east"])),
+                ),
+            )
+            for row in rows
+        ]
+    except (OSError, UnicodeDecodeError, csv.Error, KeyError, TypeError, ValueError) as error:
+        raise RefusedError("regions-unreadable", f"{path} lists no regions ({error}).", remedy) from error
+    if not found:
+        raise RefusedError("regions-unreadable", f"{path} lists no regions.", remedy)
+    return found

@@ -1,0 +1,100 @@
+"""The pictures of a report: some of every image, and the distributions of all images together."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tasks.publish.index_rows import UNREADABLE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+FIGURES = "figures"
+KINDS = ("overlay", "residual", "planes", "limb")
+USUAL = ("overlay", "residual", "planes")
+KEPT = ("residual", "planes")  # slow to draw: pictures younger than their product are not drawn again
+CAPTIONS = {
+    "overlay": (
+        "Limb, grid and terminator",
+        "The image with the predicted limb (orange, dashed), the corrected limb (light blue), latitudes and longitudes "
+        "every 30 degrees (white) and the terminator (yellow, dotted).",
+    ),
+    "residual": (
+        "Image, simulation, residual",
+        "Image, simulation and their difference under the corrected pose, and under the predicted one where its target "
+        "is in the picture.",
+    ),
+    "planes": (
+        "Planes of the cube",
+        "Latitude, longitude, incidence, emission, phase, resolution, uncertainty of the latitude, and flags.",
+    ),
+    "limb": ("Lit limb", "Segments across the lit limb, image beside simulation."),
+}
+
+
+def drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
+    """Make the pictures of one kind in the folder `pictures`."""
+    from shutil import copyfile
+
+    from tasks.pictures.canvas import DRAWING
+    from tasks.pictures.product import read_product
+    from tasks.publish.names import OVERLAY
+
+    path = pictures / f"{product}-{kind}.png"
+    if kind in KEPT and path.is_file() and path.stat().st_mtime > last_change(folder):
+        return [path]
+    if kind == "overlay":
+        copyfile(folder / OVERLAY, path)
+        return [path]
+    if kind == "limb":
+        from tasks.pictures.limb_figures import write_limb_figures
+        from tasks.pictures.limb_profiles import compare_limbs
+
+        return list(write_limb_figures(compare_limbs(read_product(folder)), pictures, f"{product}-limb").values())
+    from tasks.pictures.planes_figure import planes_figure
+    from tasks.pictures.residual_figure import residual_figure
+
+    with DRAWING:
+        figure = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
+        figure.savefig(path, format="png")
+    return [path]
+
+
+def last_change(folder: Path) -> float:
+    """When a product was published, seconds since 1970."""
+    from tasks.publish.names import CUBE, RESULT
+
+    parts = (folder, folder / RESULT, folder / CUBE / "zarr.json")
+    return max(part.stat().st_mtime for part in parts if part.exists())
+
+
+def heading_and_caption(kind: str, stem: str) -> tuple[str, str]:
+    """Heading and caption of a picture of this kind in the file `stem`."""
+    heading, caption = CAPTIONS[kind]
+    return (f"{heading}: {stem.rpartition('-')[2]}", caption) if kind == "limb" else (heading, caption)
+
+
+def distributions(index: "pd.DataFrame", folder: Path) -> list[dict[str, Any]]:
+    """Draw the figures of all images together."""
+    from tasks.pictures.canvas import DRAWING
+    from tasks.pictures.store_figures import QUANTITIES, distribution_figure, told
+
+    readable = index[index["status"] != UNREADABLE]
+    made = []
+    for quantity in QUANTITIES:
+        with DRAWING:
+            figure = distribution_figure(readable, quantity)
+            if figure is None:
+                continue
+            path = folder / f"{quantity.name}.png"
+            figure.savefig(path, format="png")
+        rows = told(readable, quantity)
+        made.append(
+            {
+                "file": f"{FIGURES}/{path.name}",
+                "label": quantity.label,
+                "meaning": quantity.meaning,
+                "rows": rows,
+                "digits": quantity.digits,
+            }
+        )
+    return made

@@ -1,1 +1,0 @@
-"""Synthetic: image files with known truth, whose surface, optics and detector are not those of the corrections."""
