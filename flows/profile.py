@@ -41,13 +41,6 @@ def known_correction(name: str) -> str:
 CorrectionName = Annotated[str, AfterValidator(known_correction), Field(json_schema_extra={"enum": list(CORRECTIONS)})]
 # What a pass does unless the profile says otherwise; the paper's order.
 USUAL: tuple[CorrectionName, ...] = ("point", "range", "attitude")
-# What each correction changes; the joint one can hold any of them.
-CHANGES: dict[CorrectionName, frozenset[str]] = {
-    "point": frozenset({"offset"}),
-    "roll": frozenset({"roll", "offset", "attitude"}),
-    "range": frozenset({"range", "offset"}),
-    "attitude": frozenset({"attitude"}),
-}
 GROUPS: tuple[Group, ...] = ("offset", "range", "roll", "attitude", "psf")
 
 
@@ -114,7 +107,8 @@ class Profile(BaseModel):
 
     def _is_held(self, step: CorrectionName) -> bool:
         held = set(self.hold)
-        return bool(CHANGES[step] & held) if step in CHANGES else held >= set(GROUPS)
+        changed = CORRECTIONS[step].parameters
+        return bool(changed & held) if changed else held >= set(GROUPS)
 
     def settings_of(self, correction: str, number: int = 1) -> BaseModel:
         """Settings of a correction in pass `number`. Raises AttributeError when there is no such correction."""

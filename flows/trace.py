@@ -4,7 +4,7 @@ A trace is plain JSON: the profile, and of each step its name, key, code version
 failure. It holds all that the flow needs to find its way again, also when the cache of steps is gone.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, cast
 
@@ -18,23 +18,6 @@ from tasks.registry import STEPS
 from tasks.step import AnyStep
 
 FAILURES: dict[str, type[PlanetposeError]] = {kind.status: kind for kind in (FailedError, RefusedError)}
-# Inputs of steps in the words of people. What earlier steps found is named there, and settings by themselves.
-NAMES = {
-    "ingest": {
-        "image.sha256": "image",
-        "image.label": "label",
-        "image.target": "target",
-        "image.flip": "flip",
-        "camera": "camera",
-        "target_names": "catalog: targets",
-    },
-    "pose": {"pose_file": "pose file", "kernels": "kernels"},
-    "undistort": {"mask": "mask", "reseau_tables": "catalog: reseau tables"},
-    "start": {"start_offset_px": "start offset", "resume": "pose to resume from"},
-    "point": {"scene.basemap": "base map"},
-    "publish": {"scene.target": "shape", "judgement": "code of the verdict"},
-    "upload": {"url": "object store"},
-}
 
 
 def trace_of(chain: Chain, failures: bool = True) -> Json:
@@ -92,10 +75,9 @@ def changes(trace: Json, chain: Chain) -> list[str]:
     before = {entry["name"]: entry for entry in trace.get("steps", [])}
     found: list[str] = []
     for tried in chain.tried:
-        kind = tried.step.kind.name
         old = before.get(tried.step.name)
         if old and old["key"] != tried.step.key:
-            found += inputs_changed(NAMES.get(kind, NAMES["point"]), old["inputs"], tried.step.plain_inputs)
+            found += inputs_changed(tried.step.kind.told_as, old["inputs"], tried.step.plain_inputs)
     settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
     found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
     kinds = dict.fromkeys(name.partition("-")[0] for name in before)
@@ -109,7 +91,7 @@ def code_in(trace: Json, kind: str) -> str:
     return next(str(entry["code"]) for entry in trace["steps"] if entry["name"].partition("-")[0] == kind)
 
 
-def inputs_changed(names: dict[str, str], before: Json, after: Json) -> list[str]:
+def inputs_changed(names: Mapping[str, str], before: Json, after: Json) -> list[str]:
     """Names of the inputs that differ, of kernels which."""
     found = []
     for path, name in names.items():

@@ -1,7 +1,8 @@
 """What the corrections share: what they are given, and their result as a record keeps it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, Field
 
@@ -9,7 +10,8 @@ from catalog.pose import Pose
 from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
 from tasks.scene_inputs import SceneFiles, SceneInputs
-from tasks.step import StepType
+from tasks.step import Changed, StepType
+from tasks.work import Work
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,7 @@ class CorrectionResult(Content):
         return self.model_dump(mode="json", exclude={"pose"})
 
 
+C = TypeVar("C", bound=CorrectionInputs)
 CorrectionStep = StepType[Any, SceneFiles, CorrectionResult]
 
 
@@ -81,6 +84,18 @@ def correction_inputs(step: CorrectionStep, known: Known, settings: BaseModel) -
     """What a correction is given of all that is known."""
     model: type[CorrectionInputs] = step.inputs
     return model.of(known, settings)
+
+
+def correction_step(
+    name: str,
+    body: Callable[[C, SceneFiles, Work], CorrectionResult],
+    settings: type[BaseModel],
+    changes: frozenset[Changed],
+    parameters: frozenset[str] = frozenset(),
+) -> StepType[C, SceneFiles, CorrectionResult]:
+    """The type of a correction's step, see `StepType`."""
+    told_as = {"scene.basemap": "base map"}
+    return StepType(name, body, CorrectionResult, settings, changes, parameters, told_as)
 
 
 def recorded(correction: Correction, image_moved: bool = False, markings_match: bool | None = None) -> CorrectionResult:

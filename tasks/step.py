@@ -5,8 +5,8 @@ disk is the only truth about what is done. Nothing here knows Prefect: `tasks.pr
 """
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_type_hints
@@ -34,7 +34,10 @@ class StepType(Generic[I, F, R]):
     name: also of its folder in the cache, and of its table in a profile. body: does the step; its annotations are the
     types of inputs (all that the result depends on), files (paths, no part of the key) and result. result: the type
     that its record is read as. settings: the model of its table in a profile. changes: what later steps get in place of
-    what was there before. schema_version: of the result; another one is another key. find_record: asks for the finished
+    what was there before. parameters: groups of pose parameters that a correction always changes, so that a profile
+    which holds one of them leaves it out; empty where it can hold any. told_as: inputs in the words of people, by their
+    path, for the reason why a step is done again; what earlier steps found is told there, settings by themselves.
+    schema_version: of the result; another one is another key. find_record: asks for the finished
     step elsewhere than in its folder. check_place: raises RefusedError when what is at the step's place may not be
     replaced.
     """
@@ -44,6 +47,8 @@ class StepType(Generic[I, F, R]):
     result: type[R]
     settings: type[BaseModel] | None = None
     changes: frozenset[Changed] = frozenset()
+    parameters: frozenset[str] = frozenset()
+    told_as: Mapping[str, str] = field(default_factory=dict)
     schema_version: int = 1
     find_record: "Callable[[Step[I, F, R]], Record | None] | None" = None
     check_place: "Callable[[Step[I, F, R]], None] | None" = None

@@ -26,7 +26,6 @@ from tasks.simulate.window import disk_radius_px
 from tasks.step import run
 
 Row = dict[str, Any]
-POSE_STEPS = ("pose", "point", "roll", "range", "attitude", "refine")
 
 
 @dataclass(frozen=True)

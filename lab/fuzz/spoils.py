@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 
 from lab.fuzz.damage import DAMAGES
+from tasks.registry import INGEST, POINT, POSE, PUBLISH, UNDISTORT, VALIDATE
 
 Generator = np.random.Generator
 PNG = b"\x89PNG\r\n\x1a\n"
 NESTING, HUGE_BYTES = 100_000, 10**13
-STEPS = ("ingest", "pose", "undistort", "point", "validate", "publish")
+STEPS = tuple(step.name for step in (INGEST, POSE, UNDISTORT, POINT, VALIDATE, PUBLISH))
 
 
 @dataclass(frozen=True)

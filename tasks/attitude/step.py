@@ -2,9 +2,8 @@
 
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.attitude.markings import UNKNOWN_DEG
-from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.scene_inputs import SceneFiles, scene_of
-from tasks.step import StepType
 from tasks.stored import load_observation
 from tasks.work import Work
 
@@ -24,4 +23,4 @@ def run(inputs: AttitudeInputs, files: SceneFiles, work: Work) -> CorrectionResu
     return recorded(found, markings_match=not found.evidence.get("doubt"))
 
 
-STEP = StepType("attitude", run, CorrectionResult, AttitudeSettings, changes=frozenset({"pose"}))
+STEP = correction_step("attitude", run, AttitudeSettings, frozenset({"pose"}), frozenset({"attitude"}))

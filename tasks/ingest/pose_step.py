@@ -60,4 +60,6 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     )
 
 
-STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}))
+STEP = StepType(
+    "pose", run, PredictedPose, changes=frozenset({"pose"}), told_as={"pose_file": "pose file", "kernels": "kernels"}
+)

@@ -96,4 +96,10 @@ def resumed(earlier: Pose, predicted: Pose) -> Pose:
     )
 
 
-STEP = StepType("start", run, StartResult, changes=frozenset({"pose"}))
+STEP = StepType(
+    "start",
+    run,
+    StartResult,
+    changes=frozenset({"pose"}),
+    told_as={"start_offset_px": "start offset", "resume": "pose to resume from"},
+)

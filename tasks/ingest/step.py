@@ -83,4 +83,16 @@ def printable_label(frame: Frame) -> Json:
     return label
 
 
-STEP = StepType("ingest", run, IngestResult)
+STEP = StepType(
+    "ingest",
+    run,
+    IngestResult,
+    told_as={
+        "image.sha256": "image",
+        "image.label": "label",
+        "image.target": "target",
+        "image.flip": "flip",
+        "camera": "camera",
+        "target_names": "catalog: targets",
+    },
+)

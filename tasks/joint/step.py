@@ -11,13 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.pose import Pose
-from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError, displacement_of
 from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
-from tasks.step import StepType
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
 from tasks.undistort.resample import displaced
 from tasks.undistort.step import DISTORTION
@@ -98,4 +97,4 @@ def mean_square(planes: NDArray[Any]) -> NDArray[np.float32]:
     return np.asarray((planes.astype(np.float32) ** 2).mean(axis=0), np.float32)
 
 
-STEP = StepType("joint", run, CorrectionResult, JointSettings, changes=frozenset({"pose", "image"}))
+STEP = correction_step("joint", run, JointSettings, frozenset({"pose", "image"}))

@@ -1,9 +1,8 @@
 """The cached step: point."""
 
-from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.point import PointSettings, find_pointing
 from tasks.scene_inputs import SceneFiles, scene_of
-from tasks.step import StepType
 from tasks.stored import load_observation
 from tasks.work import Work
 
@@ -22,4 +21,4 @@ def run(inputs: PointInputs, files: SceneFiles, work: Work) -> CorrectionResult:
     return recorded(find_pointing(observation, inputs.pose, scene, settings, work.progress))
 
 
-STEP = StepType("point", run, CorrectionResult, PointSettings, changes=frozenset({"pose"}))
+STEP = correction_step("point", run, PointSettings, frozenset({"pose"}), frozenset({"offset"}))

@@ -204,4 +204,10 @@ def refuse_other(step: Step[PublishInputs, PublishFiles, PublishResult]) -> None
     refuse_taken(step.folder, step.files.image, step.files.sha256)
 
 
-STEP = StepType("publish", run, PublishResult, check_place=refuse_other)
+STEP = StepType(
+    "publish",
+    run,
+    PublishResult,
+    told_as={"scene.target": "shape", "judgement": "code of the verdict"},
+    check_place=refuse_other,
+)

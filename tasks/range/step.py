@@ -1,9 +1,8 @@
 """The cached step: range."""
 
-from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.range import RangeSettings, find_range
 from tasks.scene_inputs import SceneFiles, scene_of
-from tasks.step import StepType
 from tasks.stored import load_observation
 from tasks.work import Work
 
@@ -20,4 +19,4 @@ def run(inputs: RangeInputs, files: SceneFiles, work: Work) -> CorrectionResult:
     return recorded(find_range(observation, inputs.pose, scene, inputs.settings, work.progress))
 
 
-STEP = StepType("range", run, CorrectionResult, RangeSettings, changes=frozenset({"pose"}))
+STEP = correction_step("range", run, RangeSettings, frozenset({"pose"}), frozenset({"range", "offset"}))

@@ -1,9 +1,8 @@
 """The cached step: roll."""
 
-from tasks.correcting import CorrectionInputs, CorrectionResult, recorded
+from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.roll import RollSettings, find_roll
 from tasks.scene_inputs import SceneFiles, scene_of
-from tasks.step import StepType
 from tasks.stored import load_observation
 from tasks.work import Work
 
@@ -20,4 +19,4 @@ def run(inputs: RollInputs, files: SceneFiles, work: Work) -> CorrectionResult:
     return recorded(find_roll(observation, inputs.pose, scene, inputs.settings, work.progress))
 
 
-STEP = StepType("roll", run, CorrectionResult, RollSettings, changes=frozenset({"pose"}))
+STEP = correction_step("roll", run, RollSettings, frozenset({"pose"}), frozenset({"roll", "offset", "attitude"}))

@@ -86,4 +86,11 @@ def masked_by_user(mask: Path | None, observation: Observation) -> Observation:
     return observation if mask is None else masked(observation, read_mask(mask), mask)
 
 
-STEP = StepType("undistort", run, UndistortResult, UndistortSettings, changes=frozenset({"image"}))
+STEP = StepType(
+    "undistort",
+    run,
+    UndistortResult,
+    UndistortSettings,
+    changes=frozenset({"image"}),
+    told_as={"mask": "mask", "reseau_tables": "catalog: reseau tables"},
+)

@@ -132,4 +132,4 @@ def similarity_before(observation: Observation, pose: Pose, scene: Scene, settin
     return similarity
 
 
-STEP = StepType("validate", run, ValidateResult, ValidateSettings)
+STEP = StepType("validate", run, ValidateResult, ValidateSettings, told_as={"scene.basemap": "base map"})

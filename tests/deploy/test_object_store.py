@@ -13,11 +13,12 @@ from catalog.errors import FailedError, RefusedError
 from tasks.objectstore.location import ObjectStore, open_object_store
 from tasks.objectstore.publishing import CUBE_OPENER, publish_product, published_key
 from tasks.objectstore.reading import download_product, object_store_index, publish_index, whole_products
-from tasks.objectstore.step import UploadStep
+from tasks.objectstore.step import STEP as UPLOAD
+from tasks.objectstore.step import UploadFiles, UploadInputs
 from tasks.publish.checksums import checksum_faults, write_checksums
 from tasks.publish.index import INDEX
 from tasks.record import RECORD_FILE
-from tasks.step import run
+from tasks.step import AnyStep, Step, run
 
 BUCKET = "products"
 pytestmark = pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated")
@@ -137,11 +138,9 @@ def test_what_other_products_are_called_does_not_matter(url: str, tmp_path: Path
     assert store.files.exists(store.path("C00011", "cube.zarr", "zarr.json"))
 
 
-def step_of(url: str, folder: Path, key: str) -> UploadStep:
-    inputs = {"url": url, "product": "C0001", "publish": key}
-    return UploadStep(
-        "upload", "tasks.objectstore.step", "C0001", folder.parent / "cache", inputs, {"folder": str(folder)}
-    )
+def step_of(url: str, folder: Path, key: str) -> AnyStep:
+    inputs = UploadInputs(url=url, product="C0001", publish=key)
+    return Step(UPLOAD, "upload", "C0001", folder.parent / "cache", inputs, UploadFiles(folder))
 
 
 def test_the_step_asks_the_store_whether_it_is_done(url: str, tmp_path: Path) -> None:
