@@ -13,9 +13,11 @@ import pytest
 
 from catalog.digest import remember_digests, sha256_of_file
 from catalog.errors import RefusedError
+from flows import inputs
 from flows.inputs import image_inputs
 from flows.progress import Silent
 from flows.reprocessing import command
+from flows.reprocessing.one_image import without_results
 from flows.reprocessing.outcomes import read_outcome, write_outcome
 from flows.reprocessing.parameters import parameters_of, settings_of
 from flows.reprocessing.planning import plans_in_words
@@ -26,6 +28,7 @@ from flows.request import Request
 from flows.status import status_of
 from flows.trace import inputs_changed, kernels_changed, leaves_changed
 from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
+from tasks import step as step_module
 from tasks.record import RECORD_FILE
 
 
@@ -128,6 +131,25 @@ def test_a_changed_setting_is_named_with_both_values(
     assert why[GOOD[0]] == "changed: settings: accept.sure_likeness 0.4 -> 0.5"
 
 
+def test_changed_code_of_a_step_or_of_the_verdict_is_named(
+    done: dict[str, Any], settings: Settings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By the keys that `correct` uses: exactly what depends on the code is done again."""
+    assert done
+    ours = step_module.code_version
+    monkeypatch.setattr(step_module, "code_version", lambda module: "new" if "range" in module else ours(module))
+    assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of range")
+    monkeypatch.setattr(step_module, "code_version", ours)
+    assert wanted(settings) == {}
+    monkeypatch.setattr(inputs, "judgement_version", lambda: "another")
+    assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of the verdict")
+
+
+def test_a_plan_needs_no_cache_of_steps(done: dict[str, Any], settings: Settings, tmp_path: Path) -> None:
+    assert done
+    assert wanted(settings, cache=tmp_path / "empty") == {}
+
+
 def test_a_changed_file_is_named(done: dict[str, Any], settings: Settings, archive: Path) -> None:
     assert done
     pose, image = archive / POSE_FILE, archive / f"{GOOD[1]}.png"
@@ -164,6 +186,7 @@ def test_what_may_pass_is_tried_in_the_next_runs_but_not_for_ever(done: dict[str
     assert known is not None
     try:
         hung = replace(known, status="failed", reason="timed-out: it hung.", passing=True)
+        hung = replace(hung, trace=without_results(hung.trace))
         write_outcome(settings.books, hung)
         assert wanted(settings) == {BAD: "failed before, may pass (timed-out)"}
         write_outcome(settings.books, replace(hung, tries=settings.limits.tries))
