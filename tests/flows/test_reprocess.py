@@ -137,8 +137,8 @@ def test_changed_code_of_a_step_or_of_the_verdict_is_named(
     """By the keys that `correct` uses: exactly what depends on the code is done again."""
     assert done
     ours = step_module.code_version
-    monkeypatch.setattr(step_module, "code_version", lambda module: "new" if "range" in module else ours(module))
-    assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of range")
+    monkeypatch.setattr(step_module, "code_version", lambda module: "new" if "point" in module else ours(module))
+    assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of point")
     monkeypatch.setattr(step_module, "code_version", ours)
     assert wanted(settings) == {}
     monkeypatch.setattr(inputs, "judgement_version", lambda: "another")
