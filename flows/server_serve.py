@@ -15,9 +15,11 @@ from flows.loopback import is_loopback, keep_loopback_direct
 AUTHENTICATION = "PREFECT_SERVER_API_AUTH_STRING"
 CLIENT_AUTHENTICATION = "PREFECT_API_AUTH_STRING"
 SHORTEST_PASSWORD = 12
+EVERY_ADDRESS = ("0.0.0.0", "::", "")  # no address that a browser could use
 PRIVATE = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "DO_NOT_TRACK": "1",
+    "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
     # Runs that ended a month ago, and their events: otherwise the database grows for ever.
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
@@ -44,7 +46,10 @@ def serving_environment(host: str, port: int, environment: Mapping[str, str]) ->
     any page that somebody on this machine opens do so)."""
     shown = f"[{host}]" if ":" in host else host
     origins = f"http://{shown}:{port},http://localhost:{port}" if is_loopback(host) else f"http://{shown}:{port}"
-    served = {"PREFECT_SERVER_CORS_ALLOWED_ORIGINS": origins, **PRIVATE, **environment}
+    # The page's own server: by default the page talks, and sends its password, to port 4200 whatever the port is.
+    api = "/api" if host in EVERY_ADDRESS else f"http://{shown}:{port}/api"
+    own = {"PREFECT_SERVER_CORS_ALLOWED_ORIGINS": origins, "PREFECT_SERVER_UI_API_URL": api}
+    served = {**own, **PRIVATE, **environment}
     served.pop("PREFECT_API_URL", None)  # it is for clients; a server that finds it may take itself for one
     keep_loopback_direct(served)
     return served
