@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.compare.brightness import correlation
+from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.simulate import Scene
@@ -28,11 +28,24 @@ def with_rim(observation: Observation, pose: Pose, scene: Scene) -> Match:
     return match_scene(observation, scene.coarser(pose, ACROSS), pose, window)
 
 
-def likeness(match: Match, model: NDArray[np.float64]) -> float:
-    """Correlation (-1..1) of the image with its fitted simulation `model` (ny, nx), over usable pixels of disk and rim.
+def likeness(match: Match) -> float:
+    """Correlation (-1..1) of the image with its fitted simulation, over usable pixels of disk and rim.
 
-    A least-squares fit is proud of a target that is darker than the sky, too: that counts negative.
+    A least-squares fit is proud of a target that is darker than the sky, too: that counts negative. In front of a
+    bright body the target may be the darker one, but its own light is none that is taken away.
     """
+    model, coefficients = fit_brightness(match, match.simulation.bases)
+    own = match.simulation.of_target
+    if match.simulation.hides:
+        lit = (match.simulation.lit > 0.5) & match.usable
+        bright = np.tensordot(coefficients[: len(own)], own, 1)
+        is_light = bool(lit.any()) and float(np.median(bright[lit])) > 0
+        return (1 if is_light else -1) * correlation(match.image, model, match.usable)
+    return with_sign(match, model)
+
+
+def with_sign(match: Match, model: NDArray[np.float64]) -> float:
+    """Correlation of the image with `model` (ny, nx), negative where the model's target is darker than its sky."""
     sky = match.simulation.coverage < 1e-3
     lit = match.simulation.lit > 0.5
     if not (sky & match.usable).any() or not (lit & match.usable).any():
