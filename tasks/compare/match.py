@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.compare.occulted import light_behind
+from tasks.compare.occulted import Occulted, light_behind
 from tasks.simulate import Scene, Simulation
 from tasks.simulate.window import Window
 
@@ -19,7 +19,7 @@ MODEL_ERROR = 0.05
 class Match:
     """An image crop and the simulation of `pose`, all under the same window (ny, nx). weight: inverse variance of the
     difference, 0 where the image cannot be used. measured: the pixels whose value is known, None: those that have a
-    weight.
+    weight. behind: what the target hides of a body behind it, None where its surroundings are dark.
 
     Where a body is behind the target, the image is without its light, which the simulation's last basis takes away
     once more where the target hides it; pixels that the light is known from have no weight (`occulted.light_behind`).
@@ -31,6 +31,7 @@ class Match:
     pose: Pose
     scene: Scene
     measured: NDArray[np.bool_] | None = None
+    behind: Occulted | None = None
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -67,8 +68,9 @@ def match_scene(observation: Observation, scene: Scene, pose: Pose, window: Wind
     behind = light_behind(observation, pose, scene, window)
     if behind is None:
         return Match(image, weight, simulation, pose, scene)
-    weight = np.where(behind.near, weight, 0).astype(np.float32)
-    return Match(image - behind.light, weight, simulation.hiding(behind.light), pose, scene, usable)
+    weight = (weight * behind.near / (1 + weight * behind.sigma**2)).astype(np.float32)
+    usable &= behind.clear
+    return Match(image - behind.light, weight, simulation.hiding(behind.light), pose, scene, usable, behind)
 
 
 def framed_window(scene: Scene, pose: Pose, margin_px: float | None = None) -> Window:

@@ -24,7 +24,7 @@ Mask = NDArray[np.bool_]
 
 # Beyond the limb the image is what is behind from so many pixels on, and from so much of the disk's radius and of the
 # blur's width.
-GAP_PX, GAP_RADII, GAP_SIGMAS = 3.0, 0.08, 2.0
+GAP_PX, GAP_RADII, GAP_SIGMAS = 2.5, 0.05, 2.0
 # Light behind is looked for in a rim of so many pixels beyond that, and counts when so much of the rim has it.
 RIM_PX, LEAST_OF_RIM = 6.0, 0.1
 # Levels of the frame are of cells of at most so many pixels, a quarter of the radius: single pixels are noise.
@@ -40,12 +40,27 @@ SWEEPS = 24
 @dataclass(frozen=True)
 class Occulted:
     """light: (ny, nx) of what is behind the target, above the frame's dark level, continued over the disk. near: (ny,
-    nx) the disk and its surroundings in which `light` is a prediction; elsewhere it is the image itself. dark: the
-    level."""
+    nx) the disk and its surroundings in which `light` is a prediction; elsewhere it is the image itself. sigma: (ny,
+    nx) how far off the prediction may be near the limb, 1-sigma, by what the image changes beyond it: where the edge of
+    the body behind passes, much. dark: the level. unclear: sigma from which the light is not known.
+    """
 
     light: Image
     near: Mask
+    sigma: Image
     dark: float
+    unclear: float
+
+    @property
+    def clear(self) -> Mask:
+        """(ny, nx) where the light is known."""
+        return np.asarray(self.sigma < self.unclear, np.bool_)
+
+    @property
+    def most(self) -> float:
+        """By what factor more than `light` may be hidden: where no sky is in the frame its dark level is light, too."""
+        typical = float(np.median(self.light[self.near])) if self.near.any() else 0.0
+        return 1 + max(self.dark, 0.0) / typical if typical > 0 else 1.0
 
 
 def light_behind(observation: Observation, pose: Pose, scene: Scene, window: Window) -> Occulted | None:
@@ -66,10 +81,28 @@ def light_behind(observation: Observation, pose: Pose, scene: Scene, window: Win
     image = around.crop(observation.image)
     if bright_share(image, usable, rim, limit) < LEAST_OF_RIM:
         return None
-    light = continued(without_single_pixels(image, usable), usable & (outside > gap)) - np.float32(dark)
-    dx, dy = around.x0, around.y0
-    here = window.moved(-dx, -dy)
-    return Occulted(here.crop(light), here.crop(outside <= gap, fill=False), dark)
+    known, smooth = usable & (outside > gap), without_single_pixels(image, usable)
+    light = continued(smooth, known) - np.float32(dark)
+    near = outside <= gap
+    sigma = np.where(near, scatter_near(smooth, known, gap), 0).astype(np.float32)
+    here = window.moved(-around.x0, -around.y0)
+    return Occulted(here.crop(light), here.crop(near, fill=False), here.crop(sigma), dark, limit - dark)
+
+
+def scatter_near(image: Image, known: Mask, gap_px: float) -> Image:
+    """Standard deviation (ny, nx) of the known pixels about each pixel, as far away as the limb is from them; 0 where
+    there are none."""
+    import cv2
+
+    side = 2 * int(np.ceil(gap_px + 1)) + 1
+    middle = np.float32(image[known].mean())
+    value = np.where(known, image - middle, 0).astype(np.float32)
+    count, first, second = (
+        cv2.blur(plane, (side, side), borderType=cv2.BORDER_CONSTANT)
+        for plane in (known.astype(np.float32), value, value * value)
+    )
+    count = np.maximum(count, np.float32(1e-6))
+    return np.sqrt(np.maximum(second / count - (first / count) ** 2, 0))
 
 
 def rim_window(pose: Pose, scene: Scene, margin_px: float) -> Window:
@@ -104,7 +137,8 @@ def levels(observation: Observation, radius_px: float, share: float) -> tuple[fl
     if not enough.any():
         return 0.0, np.inf
     dark, bright = np.percentile(whole[enough] / filled[enough], [DARK_PERCENT, BRIGHT_PERCENT])
-    noise = float(np.median(observation.noise[::n, ::n])) / n
+    noise = float(np.nanmedian(np.where(usable[::n, ::n], observation.noise[::n, ::n], np.nan)))
+    noise = noise / n if np.isfinite(noise) else 0.0
     return float(dark), float(dark + max(share * (bright - dark), NOISE_SIGMAS * noise))
 
 

@@ -85,7 +85,7 @@ def hidden_by_other(observation: Observation, predicted: Pose, scene: Scene) -> 
         OTHER,
         f"another bright body, too large to be {scene.target.name} at its predicted range, is in the frame, at "
         f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}, and the target is not found beside it.",
-        "In front of another body the limb of a target is not measured: use another image, or check the range.",
+        "Check target, range and Sun direction: in front of that body and beside it the target was looked for, too.",
         None,
     )
 

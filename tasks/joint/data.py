@@ -28,6 +28,12 @@ class Data:
         return None if self.behind is None else self.behind.light
 
     @cached_property
+    def hidden_share(self) -> tuple[float, float]:
+        """What share of that light the target is believed to hide, and how far off, 1-sigma, that may be."""
+        more = 0.0 if self.behind is None else (self.behind.most - 1) / 2
+        return 1 + more, more
+
+    @cached_property
     def image(self) -> Image:
         """(ny, nx), zero where its value is not known."""
         image = self.window.crop(self.observation.image)
@@ -48,9 +54,15 @@ class Data:
 
     @cached_property
     def variance(self) -> Image:
-        """Of the noise (ny, nx)."""
+        """Of the noise (ny, nx), and of the light behind the target."""
         noise = self.window.crop(self.observation.noise, fill=1)
-        return np.asarray(noise**2, np.float32)
+        unknown = 0.0 if self.behind is None else self.behind.sigma**2
+        return np.asarray(noise**2 + unknown, np.float32)
+
+    @property
+    def clear(self) -> NDArray[np.bool_] | None:
+        """(ny, nx) whether the value is known, and the light behind the target with it; None without such light."""
+        return None if self.behind is None else self.known & self.behind.clear
 
     @cached_property
     def bright(self) -> float:

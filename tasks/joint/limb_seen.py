@@ -48,8 +48,7 @@ def shown_by(solution: Solution, scale: Scale, moved: Array) -> tuple[LimbAsks, 
     lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
     shading = model.bases[: len(model.bases) - model.hides]
     drawn = Simulation(model.window, model.oversample, psf, model.bases, shading, model.coverage, lit, model.hides)
-    measured = solution.data.known if model.hides else None
-    match = Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene, measured)
+    match = Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene, solution.data.clear)
     edges = edges_between(match, picture, EDGES)
     centre = scale.scene.camera.project(solution.state.pose.target_in_camera_km)
     unit = np.array([scale.n, scale.n, 1.0])

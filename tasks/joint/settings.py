@@ -123,7 +123,7 @@ class JointSettings(BaseModel):
     tiles: TileSettings = TileSettings()
     wings_px: tuple[float, ...] = (3.0, 10.0)
     wings_sigma: float = Field(0.1, gt=0)
-    hidden_sigma: float = Field(0.3, gt=0)
+    hidden_sigma: float = Field(0.05, gt=0)
     smear: SmearSettings = SmearSettings()
     background: Literal["constant", "plane"] = "plane"
     hold: tuple[Group, ...] = ()

@@ -155,7 +155,8 @@ def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array,
     prior[laws : laws + len(settings.wings_px)] = settings.wings_sigma**-2
     expected = np.zeros_like(prior)
     if model.hides:
-        prior[laws - 1], expected[laws - 1] = settings.hidden_sigma**-2, 1.0
+        share, sigma = data.hidden_share
+        prior[laws - 1], expected[laws - 1] = 1 / (settings.hidden_sigma**2 + sigma**2), share
     return Problem(
         data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber
     )

@@ -47,19 +47,19 @@ def find_in_front(observation: Observation, pose: Pose, scene: Scene, min_overla
     centred = pose_pointed_at(pose, scene.camera, frame_centre)
     window = centred_window(centred, scene)
     simulation = scene.render(centred, window)
-    behind = np.maximum(large - dark, 0.0)
-    scores, counts = hidden_scores(
-        np.where(observation.usable, observation.image, 0.0).astype(np.float64),
-        observation.usable,
-        behind,
-        simulation.image().astype(np.float64),
-        simulation.coverage.astype(np.float64),
-        min_overlap,
-    )
-    row, column = np.unravel_index(int(np.argmax(evidence(scores, counts))), scores.shape)
-    ny, nx = window.shape
-    found = frame_centre + np.array([column - nx + 1, row - ny + 1]) - np.array([window.x0, window.y0])
-    return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(scores[row, column]), n)
+    image = np.where(observation.usable, observation.image, 0.0).astype(np.float64)
+    disk, cover = (plane.astype(np.float64) for plane in (simulation.image(), simulation.coverage))
+    best = (-1.0, 0.0, frame_centre)
+    # Where no sky is in the frame the dark level is light of the body behind.
+    for level in (dark, 0.0) if dark > limit - dark else (dark,):
+        behind = np.maximum(large - level, 0.0)
+        scores, counts = hidden_scores(image, observation.usable, behind, disk, cover, min_overlap)
+        told = evidence(scores, counts)
+        row, column = np.unravel_index(int(np.argmax(told)), scores.shape)
+        ny, nx = window.shape
+        place = frame_centre + np.array([column - nx + 1, row - ny + 1]) - np.array([window.x0, window.y0])
+        best = max(best, (float(told[row, column]), float(scores[row, column]), place), key=lambda found: found[0])
+    return CoarseFind(pose_pointed_at(pose, scene.camera, best[2]), best[1], n)
 
 
 def large_scale(observation: Observation, radius_px: float) -> Array:

@@ -135,6 +135,7 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     weight = np.where(usable, 1 / variance, 0).astype(np.float32)
     if behind is not None:
         image, weight = np.where(usable, image - behind.light, 0).astype(np.float32), weight * behind.near
+        weight = (weight / (1 + weight * behind.sigma**2)).astype(np.float32)
 
     def shaded(azimuth_deg: float, phase_deg: float) -> Image:
         moved = with_sun_moved(trial, away[0] + azimuth_deg, away[1] + phase_deg)
