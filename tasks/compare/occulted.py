@@ -174,7 +174,7 @@ def continued(image: Image, known: Mask) -> Image:
     coarse = continued((total / np.maximum(weight, 1)).astype(np.float32), weight > 0)
     fine = cv2.resize(coarse, (2 * columns, 2 * rows), interpolation=cv2.INTER_LINEAR)[:ny, :nx]
     out = np.where(known, image, fine).astype(np.float32)
-    four = np.float32([[0, 0.25, 0], [0.25, 0, 0.25], [0, 0.25, 0]])
+    four = np.array([[0, 0.25, 0], [0.25, 0, 0.25], [0, 0.25, 0]], np.float32)
     for _ in range(SWEEPS):
         mean = cv2.filter2D(out, cv2.CV_32F, four, borderType=cv2.BORDER_REPLICATE)
         np.copyto(out, mean, where=~known)

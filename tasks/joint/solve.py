@@ -157,9 +157,7 @@ def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array,
     if model.hides:
         share, sigma = data.hidden_share
         prior[laws - 1], expected[laws - 1] = 1 / (settings.hidden_sigma**2 + sigma**2), share
-    return Problem(
-        data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber
-    )
+    return Problem(data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber)
 
 
 @dataclass(frozen=True)
@@ -182,9 +180,7 @@ class Line:
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         for share in SHARES if (np.abs(step) > error).any() else SHARES[:2]:
             state = model.state.moved(share * step, self.scene.camera).trailed(share * lengthened)
-            moved = linear_model(
-                self.scene, state, model.window, model.tiles, self.settings, self.data.light_behind
-            )
+            moved = linear_model(self.scene, state, model.window, model.tiles, self.settings, self.data.light_behind)
             after, linear = self.cost(moved, weights, fit)
             if after < before:
                 return moved, linear, share * step

@@ -72,7 +72,8 @@ def large_scale(observation: Observation, radius_px: float) -> Array:
     low, high = (float(v) for v in np.percentile(image, [0.1, 99.9]))
     eight_bit = np.clip((image - low) * (255 / max(high - low, 1e-12)), 0, 255).astype(np.uint8)
     side = 2 * int(SIDE_RADII * radius_px / n / 2) + 1
-    median = cv2.medianBlur(eight_bit, max(side, 3)).astype(np.float32) * np.float32((high - low) / 255) + np.float32(low)
+    median = cv2.medianBlur(eight_bit, max(side, 3)).astype(np.float32) * np.float32((high - low) / 255)
+    median += np.float32(low)
     ny, nx = observation.image.shape
     whole = cv2.resize(median, (median.shape[1] * n, median.shape[0] * n), interpolation=cv2.INTER_LINEAR)
     return np.asarray(np.pad(whole, ((0, ny - whole.shape[0]), (0, nx - whole.shape[1])), mode="edge"), np.float64)
