@@ -8,12 +8,13 @@ What is behind is the image itself some pixels beyond the limb, continued over t
 and says nothing of the target; between there and the limb it is a prediction, and is tested.
 """
 
+import weakref
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.observation import Observation
+from catalog.observation import UNUSABLE, Observation, Quality
 from catalog.pose import Pose
 from tasks.project.curves import limb
 from tasks.simulate import Scene
@@ -72,7 +73,7 @@ def light_behind(observation: Observation, pose: Pose, scene: Scene, window: Win
     radius = disk_radius_px(pose, scene.camera, scene.target)
     gap = GAP_PX + GAP_RADII * radius + GAP_SIGMAS * scene.psf_sigma_px
     around = rim_window(pose, scene, gap + RIM_PX + 1)
-    usable = around.crop(observation.usable, fill=False)
+    usable = (around.crop(observation.quality, fill=int(Quality.MISSING)) & UNUSABLE) == 0
     outside = distance_from_disk(pose, scene, around)
     rim = usable & (outside > gap) & (outside <= gap + RIM_PX)
     if not rim.any():
@@ -124,9 +125,26 @@ def distance_from_disk(pose: Pose, scene: Scene, window: Window) -> Image:
 
 def levels(observation: Observation, radius_px: float, share: float) -> tuple[float, float]:
     """The frame's dark level, and the level above which it is bright."""
+    n = int(np.clip(CELL_RADII * radius_px, 1, CELL_PX))
+    known = _known.get(id(observation.image))
+    if known is None or known[0]() is not observation.image:
+        # A loop asks again and again of the same image; one that is gone is forgotten.
+        for key in [key for key, (image, _) in list(_known.items()) if image() is None]:
+            _known.pop(key, None)
+        known = _known[id(observation.image)] = (weakref.ref(observation.image), {})
+    if n not in known[1]:
+        known[1][n] = cell_levels(observation, n)
+    dark, bright, noise = known[1][n]
+    return dark, dark + max(share * (bright - dark), NOISE_SIGMAS * noise)
+
+
+_known: dict[int, tuple[weakref.ref[Image], dict[int, tuple[float, float, float]]]] = {}
+
+
+def cell_levels(observation: Observation, n: int) -> tuple[float, float, float]:
+    """Darkest and brightest level of the frame in means of n x n pixels, and their noise."""
     import cv2
 
-    n = int(np.clip(CELL_RADII * radius_px, 1, CELL_PX))
     ny, nx = (size // n for size in observation.image.shape)
     usable = observation.usable
     whole, filled = (
@@ -135,11 +153,10 @@ def levels(observation: Observation, radius_px: float, share: float) -> tuple[fl
     )
     enough = filled > 0.5
     if not enough.any():
-        return 0.0, np.inf
+        return 0.0, np.inf, 0.0
     dark, bright = np.percentile(whole[enough] / filled[enough], [DARK_PERCENT, BRIGHT_PERCENT])
     noise = float(np.nanmedian(np.where(usable[::n, ::n], observation.noise[::n, ::n], np.nan)))
-    noise = noise / n if np.isfinite(noise) else 0.0
-    return float(dark), float(dark + max(share * (bright - dark), NOISE_SIGMAS * noise))
+    return float(dark), float(bright), noise / n if np.isfinite(noise) else 0.0
 
 
 def bright_share(image: Image, usable: Mask, rim: Mask, limit: float) -> float:
