@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from tasks.compare.brightness import fit_brightness
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.match import framed_window, match_scene
@@ -105,6 +106,18 @@ def test_light_behind_is_the_planets_as_if_no_moon_were_there(ratio: float) -> N
 def test_nothing_is_hidden_where_the_profile_says_so() -> None:
     never = scene_of(CAMERA, "mixture", oversample=3, behind_share=None)
     assert match_scene(in_front(1.0), never, TRUTH).simulation.hides == 0
+
+
+@pytest.mark.parametrize("is_behind", [True, False])
+def test_the_image_tells_whether_light_is_behind_the_target_or_in_front_of_it(is_behind: bool) -> None:
+    light, _ = moon()
+    seen = in_front(0.5) if is_behind else observed(SKY_DN + light + planet(0.5))
+    match = match_scene(seen, SCENE, TRUTH)
+    _, coefficients = fit_brightness(match, match.simulation.bases)
+    share = float(coefficients[len(match.simulation.of_target)])
+    print(f"hidden: {share:.2f}")
+    assert match.simulation.hides == 1
+    assert 0.7 < share < 1.4 if is_behind else abs(share) < 0.3
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
