@@ -111,7 +111,8 @@ def test_nothing_is_hidden_where_the_profile_says_so() -> None:
 @pytest.mark.parametrize("is_behind", [True, False])
 def test_the_image_tells_whether_light_is_behind_the_target_or_in_front_of_it(is_behind: bool) -> None:
     light, _ = moon()
-    seen = in_front(0.5) if is_behind else observed(SKY_DN + light + planet(0.5))
+    # Some sky is left: what is bright all over the frame would be its dark level.
+    seen = in_front(0.5, 165.0) if is_behind else observed(SKY_DN + light + planet(0.5, 165.0))
     match = match_scene(seen, SCENE, TRUTH)
     _, coefficients = fit_brightness(match, match.simulation.bases)
     share = float(coefficients[len(match.simulation.of_target)])
