@@ -252,9 +252,9 @@ def without_shading(match: Match, min_lit: float) -> tuple[NDArray, NDArray, NDA
     """
     simulation = match.simulation
     model, coefficients = fit_brightness(match, simulation.bases)
-    k = len(simulation.bases)
+    k = len(simulation.of_target)
     shading = np.tensordot(coefficients[:k], simulation.shading, 1)
-    background = model - np.tensordot(coefficients[:k], simulation.bases, 1)
+    background = model - np.tensordot(coefficients[:k], simulation.of_target, 1)
     inside = simulation.coverage > 0.999
     bright = shading > min_lit * np.percentile(shading[inside], 95) if inside.any() else inside
     safe = inside & bright

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from catalog.flips import PLACES, Flip
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.occulted import light_behind
 from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.project.points import body_points
 from tasks.simulate import Scene
@@ -120,7 +121,9 @@ def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: Flip | 
         return None
     away = (xy - scene.camera.project(pose.target_in_camera_km)) / radius
     sky = usable & (np.hypot(away[..., 0], away[..., 1]) > 1 + (rim + 1.0) / radius)
+    behind = light_behind(observation, pose, scene, window)
     level = float(np.median(image[sky])) if sky.sum() >= FEWEST_PX else 0.0
+    level = level if behind is None else behind.dark
     laws = np.stack([law(mu0[inside], mu[inside], pose.phase_deg) for law in BASES["mixture"]], axis=1)
     seen, error = image[inside] - level, noise[inside]
     shading, weight = fitted_shading(laws.astype(np.float64), seen, error, mu0[inside])

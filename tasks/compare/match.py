@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.compare.occulted import Occulted, light_behind
 from tasks.simulate import Scene, Simulation
 from tasks.simulate.window import Window
 
@@ -17,13 +18,25 @@ MODEL_ERROR = 0.05
 @dataclass(frozen=True)
 class Match:
     """An image crop and the simulation of `pose`, all under the same window (ny, nx). weight: inverse variance of the
-    difference, 0 where the image cannot be used."""
+    difference, 0 where the image cannot be used. measured: the pixels whose value is known, None: those that have a
+    weight. behind: what the target hides of a body behind it, None where its surroundings are dark.
+
+    Where a body is behind the target, the image is without its light, which the simulation's last basis takes away
+    once more where the target hides it; pixels that the light is known from have no weight (`occulted.light_behind`).
+    """
 
     image: NDArray[np.float32]
     weight: NDArray[np.float32]
     simulation: Simulation
     pose: Pose
     scene: Scene
+    measured: NDArray[np.bool_] | None = None
+    behind: Occulted | None = None
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Pixels whose value is known, also where it says nothing of the target."""
+        return self.usable if self.measured is None else self.measured
 
     @property
     def usable(self) -> NDArray[np.bool_]:
@@ -52,7 +65,12 @@ def match_scene(observation: Observation, scene: Scene, pose: Pose, window: Wind
     bright = np.percentile(image[usable], 95) if usable.any() else 1.0
     variance = noise.astype(np.float64) ** 2 + (MODEL_ERROR * max(float(bright), 0.0)) ** 2
     weight = np.where(usable, 1.0 / np.maximum(variance, 1e-12), 0).astype(np.float32)
-    return Match(image, weight, simulation, pose, scene)
+    behind = light_behind(observation, pose, scene, window)
+    if behind is None:
+        return Match(image, weight, simulation, pose, scene)
+    weight = (weight * behind.near / (1 + weight * behind.sigma**2)).astype(np.float32)
+    usable &= behind.clear
+    return Match(image - behind.light, weight, simulation.hiding(behind.light), pose, scene, usable, behind)
 
 
 def framed_window(scene: Scene, pose: Pose, margin_px: float | None = None) -> Window:

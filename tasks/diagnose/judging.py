@@ -84,8 +84,9 @@ def hidden_by_other(observation: Observation, predicted: Pose, scene: Scene) -> 
     return Diagnosis(
         OTHER,
         f"another bright body, too large to be {scene.target.name} at its predicted range, is in the frame, at "
-        f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}, and the target is not found beside it.",
-        "In front of another body the limb of a target is not measured: use another image, or check the range.",
+        f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}; the target is found neither beside it nor in "
+        "front of it.",
+        "Check target, range and Sun direction: in front of that body and beside it the target was looked for, too.",
         None,
     )
 

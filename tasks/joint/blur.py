@@ -44,7 +44,7 @@ class SecondMoment:
 
 def uneven_moment(solution: Solution) -> SecondMoment:
     """What the solution's last linear problem says of a trail, everything else solved along."""
-    bright = solution.model.brightness(solution.fit.values[: len(solution.model.bases)]) * (1 + solution.fit.gain)
+    bright = solution.model.picture(solution.fit.values[: len(solution.model.bases)]) * (1 + solution.fit.gain)
     along_y, along_x = np.gradient(bright)
     xy, xx = np.gradient(along_x)
     yy = np.gradient(along_y, axis=0)

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from tasks.compare.match import framed_window
-from tasks.joint.data import Data
 from tasks.joint.fit import solve
 from tasks.joint.model import linear_model
 from tasks.joint.parameters import GROUPS, NAMES, State
 from tasks.joint.settings import JointSettings
-from tasks.joint.solve import first_weights, linear_problem, tiles_at
+from tasks.joint.solve import data_at, first_weights, linear_problem, tiles_at
 from tasks.joint.tiles import LOCAL, layout_for
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -26,10 +25,10 @@ def cramer_rao(
     held = np.zeros(len(NAMES), bool)
     for group in settings.hold:
         held[list(GROUPS[group])] = True
-    data = Data(observation, framed_window(scene, truth.pose))
+    data = data_at(observation, truth, scene, framed_window(scene, truth.pose))
     layout = layout_for(disk_radius_px(truth.pose, scene.camera, scene.target), settings.tiles)
     tiles = tiles_at(truth, scene, data.window, layout)
-    model = linear_model(scene, truth, data.window, tiles, settings)
+    model = linear_model(scene, truth, data.window, tiles, settings, data.light_behind)
     weights = first_weights(model, data, settings)
     moving = model.derivatives(weights, np.zeros_like(data.image))
     moving[held] = 0
@@ -39,7 +38,7 @@ def cramer_rao(
         problem,
         columns=np.concatenate([problem.columns, moving]),
         prior=np.concatenate([problem.prior, np.where(held, 1e30, 1 / sigmas**2)]),
-        expected=np.zeros(len(problem.columns) + len(NAMES)),
+        expected=np.concatenate([problem.expected, np.zeros(len(NAMES))]),
         huber=np.inf,
     )
     weight = np.where(data.usable, 1 / np.maximum(data.variance, 1e-12), 0).astype(np.float32)

@@ -46,8 +46,10 @@ def shown_by(solution: Solution, scale: Scale, moved: Array) -> tuple[LimbAsks, 
     linear = slice(0, len(problem.columns) - len(NAMES))
     picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
     lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
-    drawn = Simulation(model.window, model.oversample, psf, model.bases, model.bases, model.coverage, lit)
-    edges = edges_between(Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene), picture, EDGES)
+    shading = model.bases[: len(model.bases) - model.hides]
+    drawn = Simulation(model.window, model.oversample, psf, model.bases, shading, model.coverage, lit, model.hides)
+    match = Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene, solution.data.clear)
+    edges = edges_between(match, picture, EDGES)
     centre = scale.scene.camera.project(solution.state.pose.target_in_camera_km)
     unit = np.array([scale.n, scale.n, 1.0])
     left = edges.across_px - design_of(edges, centre) @ (moved[TOLD] / unit)

@@ -3,6 +3,9 @@
 image = (1 + gain) PSF * (sum_k c_k albedo f_k + sum_l d_l f_l) + background. The weights c, d, the tiles' gains and the
 background are linear; of the others the derivatives follow from the rendered geometry: a disk that moves, grows or is
 rolled carries its image along, a body that is turned changes the albedo under each pixel.
+
+In front of a bright body the image is taken without that body's light, and the disk takes it away where it covers it:
+one more basis, whose weight is 1 where the light is wholly behind the target (see `tasks.compare.occulted`).
 """
 
 from dataclasses import dataclass
@@ -10,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.compare.occulted import finer
 from tasks.joint.moved import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.settings import JointSettings
@@ -29,8 +33,8 @@ class Model:
     """The rendered surface at `state` under `window`, and the images that do not depend on the linear weights.
 
     shades: what the laws, mapped ones first, then plain ones, make of the sub-pixels without the map. bases: (k, ny,
-    nx), of these laws; sharp: the same before the smear along the state's trail. background: (b, ny, nx). centre_px:
-    target's centre in the window.
+    nx), of these laws, the last `hides` (0 or 1) of them what the disk takes away of light behind it; sharp: the same
+    before the smear along the state's trail. background: (b, ny, nx). centre_px: target's centre in the window.
     """
 
     state: State
@@ -47,9 +51,15 @@ class Model:
     centre_px: NDArray[np.float64]
     tiles: Tiles
     wings_px: tuple[float, ...]
+    hides: int = 0
 
     def brightness(self, weights: NDArray) -> Image:
         """The disk without gains and background, by the bases' weights (k,)."""
+        laws = len(self.bases) - self.hides
+        return np.tensordot(np.asarray(weights[:laws], np.float32), self.bases[:laws], 1)
+
+    def picture(self, weights: NDArray) -> Image:
+        """The same with what the disk takes away of light behind it."""
         return np.tensordot(np.asarray(weights, np.float32), self.bases, 1)
 
     def columns(self, weights: NDArray) -> Image:
@@ -103,14 +113,19 @@ def _weighted(images: list[Image], weights: NDArray) -> Image:
     return total
 
 
-def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, settings: JointSettings) -> Model:
-    """Find the surface at `state` and prepare everything that the linear fit and the derivatives need."""
+def linear_model(
+    scene: Scene, state: State, window: Window, tiles: Tiles, settings: JointSettings, behind: Image | None = None
+) -> Model:
+    """Find the surface at `state` and prepare everything that the linear fit and the derivatives need. behind: (ny, nx)
+    light that the disk hides, or None."""
     s = settings.oversample or scene.oversample_for(state.pose)
     surface = fine_surface(scene, state.pose, window, s)
     phase = state.pose.phase_deg
     chosen = (*laws(settings.mapped), *laws(settings.plain))
     shade = {law: law(surface.mu0, surface.mu, phase) * surface.cover for law in set(chosen)}
     shades = [shade[law] for law in chosen]
+    if behind is not None:
+        shades.append(-finer(behind, s) * surface.cover)
     fine = [each * surface.albedo if k < len(settings.mapped) else each for k, each in enumerate(shades)]
     centre = scene.camera.project(state.pose.target_in_camera_km) - (window.x0, window.y0)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
@@ -131,6 +146,7 @@ def linear_model(scene: Scene, state: State, window: Window, tiles: Tiles, setti
         centre_px=centre,
         tiles=tiles,
         wings_px=settings.wings_px,
+        hides=int(behind is not None),
     )
 
 

@@ -102,14 +102,14 @@ class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
     markings; they set the map's contrast. law_weight: how large, relative to the picture's brightness, a law's weight
     is believed to be, so that they do not cancel each other. tiles: local errors of map and laws. wings_px: widths
-    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold. smear:
-    exposures during which the boresight drifted.
-    background: sky level, or a plane. hold: unknowns that stay as they are. edge_px: error of places in the image, at
-    first and at most. terminator: cosine of incidence below which the photometric laws are not trusted. second_start:
-    solve again from elsewhere, and doubt the result when it ends elsewhere. limb_led_px: where the product's limb lies
-    farther (RMS) from the image's own, or contradicts it by its errors, the limb leads; None never. bending_px: where
-    the disk shows the beam to bend otherwise than the marks say, by at least so many pixels (RMS), the image is
-    displaced by it; None never.
+    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
+    hidden_sigma: how far from 1 the share is believed to be that the disk hides of the light of a body behind it.
+    smear: exposures during which the boresight drifted. background: sky level, or a plane. hold: unknowns that stay as
+    they are. edge_px: error of places in the image, at first and at most. terminator: cosine of incidence below which
+    the photometric laws are not trusted. second_start: solve again from elsewhere, and doubt the result when it ends
+    elsewhere. limb_led_px: where the product's limb lies farther (RMS) from the image's own, or contradicts it by its
+    errors, the limb leads; None never. bending_px: where the disk shows the beam to bend otherwise than the marks say,
+    by at least so many pixels (RMS), the image is displaced by it; None never.
     diameter_px: disks of which more is in the frame than a whole one of this size has are solved at reduced resolution;
     first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
 
@@ -122,6 +122,7 @@ class JointSettings(BaseModel):
     tiles: TileSettings = TileSettings()
     wings_px: tuple[float, ...] = (3.0, 10.0)
     wings_sigma: float = Field(0.1, gt=0)
+    hidden_sigma: float = Field(0.05, gt=0)
     smear: SmearSettings = SmearSettings()
     background: Literal["constant", "plane"] = "plane"
     hold: tuple[Group, ...] = ()

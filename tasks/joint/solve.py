@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from tasks.compare.match import framed_window
+from tasks.compare.occulted import light_behind
 from tasks.joint.data import Data
 from tasks.joint.fit import Fit, Problem, solve
 from tasks.joint.model import Model, linear_model
@@ -44,13 +45,14 @@ LEARNING = 4
 @dataclass(frozen=True)
 class Solution:
     """state: where the iterations ended; fit: the last linear problem, its last eight columns the unknowns of
-    `parameters.NAMES`, and its problem; model: what it was linearised on; left: the step (8,) that was not taken any
-    more."""
+    `parameters.NAMES`, and its problem; model: what it was linearised on; data: the pixels; left: the step (8,) that
+    was not taken any more."""
 
     state: State
     fit: Fit
     problem: Problem
     model: Model
+    data: Data
     held: NDArray[np.bool_]
     history: list[Array]
     left: Array
@@ -79,10 +81,10 @@ def solve_joint(
     for group in settings.hold:
         held[list(GROUPS[group])] = True
     window = framed_window(scene, start.pose)
-    data = Data(observation, window)
+    data = data_at(observation, start, scene, window)
     radius = disk_radius_px(start.pose, camera, scene.target)
     layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
-    model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings)
+    model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind)
     trust = warm.trust if warm else Trust.at_first(model, settings)
     weights = first_weights(model, data, settings)
     linear = solve(
@@ -130,7 +132,12 @@ def solve_joint(
         fresh = tiles_at(model.state, scene, window, layout)
         if fresh.away_px(model.tiles) > STALE_PX:
             model = replace(model, tiles=fresh)
-    return Solution(model.state, fit, problem, model, held, history, step, converged, trust)
+    return Solution(model.state, fit, problem, model, data, held, history, step, converged, trust)
+
+
+def data_at(observation: Observation, state: State, scene: Scene, window: Window) -> Data:
+    """The pixels under a window, and what the target hides of a body behind it."""
+    return Data(observation, window, light_behind(observation, state.pose, scene, window))
 
 
 def tiles_at(state: State, scene: Scene, window: Window, layout: Layout) -> Tiles:
@@ -146,9 +153,11 @@ def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array,
     laws = len(model.bases)
     prior[:laws] = (settings.law_weight * data.bright) ** -2
     prior[laws : laws + len(settings.wings_px)] = settings.wings_sigma**-2
-    return Problem(
-        data.image, columns, model.local(weights), model.tiles, prior, np.zeros_like(prior), local_prior, settings.huber
-    )
+    expected = np.zeros_like(prior)
+    if model.hides:
+        share, sigma = data.hidden_share
+        prior[laws - 1], expected[laws - 1] = 1 / (settings.hidden_sigma**2 + sigma**2), share
+    return Problem(data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber)
 
 
 @dataclass(frozen=True)
@@ -171,7 +180,7 @@ class Line:
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         for share in SHARES if (np.abs(step) > error).any() else SHARES[:2]:
             state = model.state.moved(share * step, self.scene.camera).trailed(share * lengthened)
-            moved = linear_model(self.scene, state, model.window, model.tiles, self.settings)
+            moved = linear_model(self.scene, state, model.window, model.tiles, self.settings, self.data.light_behind)
             after, linear = self.cost(moved, weights, fit)
             if after < before:
                 return moved, linear, share * step
@@ -188,7 +197,8 @@ class Line:
 
     def cost_at(self, solution: Solution, state: State) -> float:
         """Cost of another state than the solution's, everything else kept and the linear unknowns solved anew."""
-        model = linear_model(self.scene, state, solution.model.window, solution.model.tiles, self.settings)
+        window, tiles = solution.model.window, solution.model.tiles
+        model = linear_model(self.scene, state, window, tiles, self.settings, self.data.light_behind)
         return self.cost(model, solution.fit.values[: len(solution.model.bases)], solution.fit)[0]
 
 
@@ -196,7 +206,7 @@ def line_of(
     solution: Solution, observation: Observation, metadata: State, scene: Scene, settings: JointSettings, sigmas: Array
 ) -> Line:
     """By what `solution` was judged, to judge other states with: arguments as of `solve_joint`."""
-    data = Data(observation, solution.model.window)
+    data = replace(solution.data, observation=observation)
     weights = solution.fit.values[: len(solution.model.bases)]
     weight = solution.trust.weight(solution.model, data, weights, settings)
     return Line(data, weight, solution.trust.tiles, metadata, sigmas, solution.held, scene, settings)

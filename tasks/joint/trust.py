@@ -58,7 +58,7 @@ class Trust:
         if inside.sum() > FEWEST_PIXELS:
             relative = _surplus(fit.residual[inside], noise[inside], bright[inside], MOST_RELATIVE)
         relative = max(relative, LEAST_RELATIVE)
-        steep = _steepness(bright)
+        steep = _steepness(model.picture(weights) if model.hides else bright)
         limb = (model.tiles.label >= 0) & (model.tiles.label < model.tiles.sectors) & data.usable
         edge = self.edge_px
         if limb.sum() > FEWEST_PIXELS:
@@ -76,7 +76,8 @@ class Trust:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
         trust near the terminator."""
         bright = model.brightness(weights)
-        variance = data.variance + (self.relative * bright) ** 2 + (self.edge_px * _steepness(bright)) ** 2
+        steep = _steepness(model.picture(weights) if model.hides else bright)
+        variance = data.variance + (self.relative * bright) ** 2 + (self.edge_px * steep) ** 2
         if settings.terminator:
             variance = variance + (self.dusk * _at_dusk(model, data, bright, settings)) ** 2
         together = np.where(model.tiles.label >= 0, self.shared, self.sky)

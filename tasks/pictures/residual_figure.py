@@ -56,7 +56,10 @@ def residual_of(product: Product, pose: Pose) -> Residual | None:
     bright = float(np.percentile(match.image[match.usable], 98)) - float(np.percentile(match.image[match.usable], 2))
     relative = np.where(match.usable, (match.image - model) / max(bright, 1e-12), np.nan)
     limb = limb_points(pose, scene.camera, scene.target, LIMB_POINTS)
-    return Residual(match.image.astype(np.float64), model, relative, match.origin, limb)
+    image = match.image.astype(np.float64)
+    if match.behind is not None:
+        image, model = image + match.behind.light, model + match.behind.light
+    return Residual(image, model, relative, match.origin, limb)
 
 
 def residual_figure(product: Product) -> "Figure":

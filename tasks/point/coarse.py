@@ -9,7 +9,7 @@ from catalog.pose import Pose
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.point.rotation import pose_pointed_at
 from tasks.simulate import Scene
-from tasks.simulate.window import disk_radius_px
+from tasks.simulate.window import Window, disk_radius_px
 
 TEMPLATE_DIAMETER_PX = 64
 SPECK_PX = 5
@@ -49,8 +49,7 @@ def find_target(
     observation, scene = reduced_observation(observation, n), reduced_scene(scene, n)
     frame_centre = (np.array(scene.camera.size_px) - 1) / 2
     centred = pose_pointed_at(pose, scene.camera, frame_centre)
-    radius = disk_radius_px(centred, scene.camera, scene.target)
-    window = scene.window(centred, margin_px=max(4.0, 0.25 * radius))
+    window = centred_window(centred, scene)
     template = scene.render(centred, window).image().astype(np.float64)
     template = np.minimum(template, (clip_at or 1.0) * template.max())
     usable = observation.usable
@@ -69,6 +68,12 @@ def find_target(
     top_left = np.array([column - template.shape[1] + 1, row - template.shape[0] + 1])
     found = frame_centre + top_left - np.array([window.x0, window.y0])
     return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(correlation[row, column]), n)
+
+
+def centred_window(pose: Pose, scene: Scene) -> Window:
+    """The target's window with the rim of sky that is looked for with it."""
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    return scene.window(pose, margin_px=max(4.0, 0.25 * radius))
 
 
 def lit_width_px(pose: Pose, scene: Scene) -> float:

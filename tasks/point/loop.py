@@ -9,12 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError, RefusedError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
-from tasks.compare.brightness import fit_brightness
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.match import match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.correction import FORMAL, Correction
-from tasks.point.coarse import find_target
+from tasks.point.coarse import CoarseFind, find_target
+from tasks.point.in_front import find_in_front
 from tasks.point.registration import REGISTRATIONS, Shift
 from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, Rest, rest_of
@@ -99,7 +99,7 @@ def find_pointing(
     evidence: dict[str, Any] = {}
     start = pose
     if settings.coarse:
-        found = find_target(observation, pose, scene, settings.min_overlap)
+        found = searched(observation, pose, scene, settings.min_overlap)
         evidence["coarse"] = {"score": found.score, "step_px": found.step_px}
         if not found.score >= settings.min_score:
             raise RefusedError(
@@ -148,6 +148,17 @@ def find_pointing(
     )
 
 
+def searched(observation: Observation, pose: Pose, scene: Scene, min_overlap: float) -> CoarseFind:
+    """Where the target is, to about a cell of the search grid: in front of the sky or, where the frame holds a large
+    bright body, in front of that, whichever is more like the image."""
+    found = find_target(observation, pose, scene, min_overlap)
+    in_front = find_in_front(observation, pose, scene, min_overlap)
+    if in_front is None:
+        return found
+    alike, alike_in_front = (likeness_at(observation, find.pose, scene) for find in (found, in_front))
+    return in_front if alike_in_front > alike else found
+
+
 def sigma_px(shift: Shift, rest: Rest | None, n: int) -> list[float] | None:
     """1-sigma of the offset (2,) in pixels of the image, n times those of the loop; None where nothing tells it."""
     if shift.covariance is None and rest is None:
@@ -168,9 +179,7 @@ def share_in_frame(pose: Pose, scene: Scene) -> float:
 
 def likeness_at(observation: Observation, pose: Pose, scene: Scene) -> float:
     """How like the image the simulation of `pose` is, by a measure that no registration works on (see `likeness`)."""
-    match = with_rim(observation, pose, scene)
-    model, _ = fit_brightness(match, match.simulation.bases)
-    return likeness(match, model)
+    return likeness(with_rim(observation, pose, scene))
 
 
 def predicted_centre(pose: Pose, scene: Scene) -> np.ndarray:

@@ -63,7 +63,8 @@ def polar_scan(match: Match, reach_deg: float) -> PolarScan:
     for shift in shifts:
         camera.append(fitted_correlation(image, [np.roll(basis, shift, axis=1) for basis in bases], usable))
         turned = np.roll(albedo, shift, axis=1)
-        target.append(fitted_correlation(image, [turned * shade for shade in shading], usable))
+        hidden = bases[len(shading) :]
+        target.append(fitted_correlation(image, [*(turned * shade for shade in shading), *hidden], usable))
     return PolarScan(np.asarray(shifts * step_deg, np.float64), np.array(camera), np.array(target))
 
 

@@ -18,12 +18,16 @@ from tasks.simulate.window import Window, disk_radius_px, target_window
 
 
 class SceneSettings(BaseModel):
-    """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size."""
+    """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size.
+    behind_share: where the target's surroundings are brighter than the frame's darkest parts by more than this share of
+    its span of brightness, a body is taken to be behind the target, which hides its light (a moon in front of its
+    planet, see `tasks.compare.occulted`); None never."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     photometry: Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"] = "lunar-lambert"
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
     oversample: int | None = Field(None, ge=1, le=16)
+    behind_share: float | None = Field(0.1, gt=0, lt=1)
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,8 @@ class Surface:
 class Simulation:
     """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
     background. shading: the same without the map (albedo 1). coverage, lit: fraction of each pixel that the target
-    and its sunlit side fill; blurred like the image."""
+    and its sunlit side fill; blurred like the image. hides: how many of the bases, the last ones, are no light of the
+    target but what it takes away of the light behind it."""
 
     window: Window
     oversample: int
@@ -50,11 +55,22 @@ class Simulation:
     shading: NDArray[np.float32]
     coverage: NDArray[np.float32]
     lit: NDArray[np.float32]
+    hides: int = 0
+
+    @property
+    def of_target(self) -> NDArray[np.float32]:
+        """The bases that are light of the target."""
+        return self.bases[: len(self.bases) - self.hides]
 
     def image(self, weights: NDArray | None = None, background: float = 0.0) -> NDArray[np.float32]:
-        """Weighted sum of the bases (ny, nx); equal weights by default."""
-        weights = np.ones(len(self.bases)) if weights is None else weights
-        return np.tensordot(np.asarray(weights, np.float32), self.bases, 1) + np.float32(background)
+        """Weighted sum of the target's bases (ny, nx); equal weights by default."""
+        bases = self.of_target
+        weights = np.ones(len(bases)) if weights is None else weights
+        return np.tensordot(np.asarray(weights, np.float32), bases, 1) + np.float32(background)
+
+    def hiding(self, light: NDArray[np.float32]) -> "Simulation":
+        """The same with one basis more: what the target takes away of the light (ny, nx) behind it."""
+        return replace(self, bases=np.concatenate([self.bases, -(light * self.coverage)[None]]), hides=self.hides + 1)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.compare.brightness import correlation, fit_brightness
+from tasks.compare.brightness import correlation
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, measure_limb
 from tasks.compare.match import Match, framed_window, match_scene
@@ -101,7 +101,7 @@ def validate_limb(
         tried=edges.tried,
         similarity=ssim(match.image, edges.model, match.usable),
         correlation=correlation(match.image, edges.model, match.usable),
-        likeness=likeness(wide, fit_brightness(wide, wide.simulation.bases)[0]),
+        likeness=likeness(wide),
         xy_px=edges.segments.xy_px,
         shift_px=shift,
         horizontal=horizontal,

@@ -11,6 +11,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.brightness import robust_least_squares
 from tasks.compare.match import MODEL_ERROR
+from tasks.compare.occulted import finer, light_behind
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.joint.moved import changes_of_place
 from tasks.joint.surface import fine_surface
@@ -123,15 +124,23 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     if not usable.any():
         raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
     image = np.where(usable, image, 0).astype(np.float32)
+    behind = light_behind(seen, trial, scene, window)
     bright = max(float(np.percentile(image[usable], 95)), 1e-6)
     variance = window.crop(seen.noise, fill=1).astype(np.float64) ** 2 + (MODEL_ERROR * bright) ** 2
     weight = np.where(usable, 1 / variance, 0).astype(np.float32)
+    if behind is not None:
+        image, weight = np.where(usable, image - behind.light, 0).astype(np.float32), weight * behind.near
+        weight = (weight / (1 + weight * behind.sigma**2)).astype(np.float32)
 
     def shaded(azimuth_deg: float, phase_deg: float) -> Image:
         moved = with_sun_moved(trial, away[0] + azimuth_deg, away[1] + phase_deg)
         return _shaded(scene, moved, claimed.phase_deg, window, oversample)
 
     fine = shaded(0, 0)
+    laws = len(fine)
+    if behind is not None:
+        cover = fine_surface(scene, trial, window, oversample).cover
+        fine = np.concatenate([fine, -(finer(behind.light, oversample) * cover)[None]])
     bases = np.stack([detect(each, oversample, scene.psf_sigma_px) for each in fine])
     flat = np.ones((1, *bases.shape[1:]), np.float32)
     values, _, _ = robust_least_squares(np.concatenate([bases, flat]), image, weight)
@@ -141,7 +150,9 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     here = np.tensordot(weights, fine, 1)
     changes_of_place(here, centre, oversample, scene.psf_sigma_px, moving)
     by_sun = [
-        detect(np.tensordot(weights, shaded(*step) - shaded(-step[0], -step[1]), 1), oversample, scene.psf_sigma_px)
+        detect(
+            np.tensordot(weights[:laws], shaded(*step) - shaded(-step[0], -step[1]), 1), oversample, scene.psf_sigma_px
+        )
         / np.float32(2 * DIFFERENCE_DEG)
         for step in ((DIFFERENCE_DEG, 0.0), (0.0, DIFFERENCE_DEG))[: 1 + both]
     ]
