@@ -19,7 +19,7 @@ from tasks.record import RECORD_FILE, read_record
 logger = logging.getLogger("planetpose")
 FAILED = ".failed"
 OVERLAY, TRIED = "overlay.png", "tried.json"
-MAP, OTHER = "map-does-not-match", "another-body"
+MAP = "map-does-not-match"
 # Failures that a wrong pose, camera, target or map can have; others tell their cause themselves.
 EXAMINED = (
     "target-not-found",
@@ -55,23 +55,31 @@ def diagnose(chain: Chain, error: PlanetposeError, scene: dict[str, Any], basema
 
 
 def may_do_without(chain: Chain, error: PlanetposeError, scene: dict[str, Any]) -> bool:
-    """Whether the corrections are worth another try without the map's markings, or without another body."""
+    """Whether the corrections are worth another try without the map's markings, another body or stray light."""
     found = chain.result("diagnose") or {}
-    return bool(found.get("masked")) or (error.code == MAP and scene["basemap"] != UNIFORM)
+    return bool(found.get("replaced")) or (error.code == MAP and scene["basemap"] != UNIFORM)
 
 
 def without_cause(
-    chain: Chain, error: PlanetposeError, scene: dict[str, Any], basemap: dict[str, Any]
+    chain: Chain, scene: dict[str, Any], basemap: dict[str, Any]
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Scene and places of a body without markings, or of an image with another body masked; what the corrections found
-    before is forgotten."""
+    """Scene and places of a body without markings, or of an image without another body or stray light; what the
+    corrections found before is forgotten."""
     for name in list(chain.records):
         if name.partition("-")[0] in (*CORRECTIONS, "validate"):
             for known in (chain.records, chain.steps):
                 del known[name]
-    if error.code == OTHER:
+    if (chain.result("diagnose") or {}).get("replaced"):
         return scene | {"observation": chain.key("diagnose")}, basemap | {"undistort": chain.folder("diagnose")}
     return scene | {"basemap": dict(UNIFORM)}, basemap | {"basemap": None}
+
+
+def failed_without(cause: PlanetposeError, before: PlanetposeError, after: PlanetposeError) -> PlanetposeError:
+    """The failure of an image that fails without its cause, too. A base map that is left out in vain is no cause: the
+    failure is then the one `before`. Another body or stray light is seen in the image all the same."""
+    if cause.code == MAP:
+        return before
+    return type(after)(cause.code, f"{cause.fault} Corrected so: {after.fault}", after.remedy)
 
 
 def failed_folder(request: Request) -> Path:

@@ -11,7 +11,7 @@ from catalog.digest import sha256_of_json
 from catalog.errors import PlanetposeError
 from catalog.reseau import reseau_table_path
 from flows.chain import Chain
-from flows.diagnosis import diagnose, forget, may_do_without, without_cause
+from flows.diagnosis import diagnose, failed_without, forget, may_do_without, without_cause
 from flows.guidance import guidance_of, is_started_elsewhere, overruled_of, pose_to_resume
 from flows.profile import CORRECTIONS
 from flows.request import (
@@ -72,11 +72,12 @@ def corrected_pose(
         cause = diagnose(chain, error, scene, basemap)
         if not may_do_without(chain, cause, scene):
             raise cause from error
-        scene, basemap = without_cause(chain, cause, scene, basemap)
+        failure = error
+        scene, basemap = without_cause(chain, scene, basemap)
     try:
         return correct_pose(chain, scene, basemap)
     except PlanetposeError as error:
-        raise type(error)(cause.code, f"{cause.fault} Corrected so: {error.fault}", error.remedy) from error
+        raise failed_without(cause, failure, error) from error
 
 
 def correct_pose(

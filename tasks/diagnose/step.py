@@ -8,24 +8,31 @@ import numpy as np
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
-from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, hidden_by_other, incomplete_frame
+from tasks.diagnose.judging import cause_of
+from tasks.diagnose.telling import MAP, OTHER, STRAY, Diagnosis
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
 from tasks.publish.overlay import draw_overlay
 from tasks.simulate import Scene
 from tasks.stored import load_arrays, load_observation, pose_in, save_arrays, save_observation, scene_of
+from tasks.undistort.saturation import with_plate_flagged
 from tasks.undistort.step import DISTORTION
 from tasks.work import Progress, Work
 
 OVERLAY, TRIED = "overlay.png", "tried.json"
+# Causes that the corrections can do without on another image than the given one, and what is told with the result.
+REPLACED = {
+    OTHER: "Look at the picture: a mask of your own (--mask) may be better.",
+    STRAY: "It was corrected so; look at the picture.",
+}
 # Explanations whose frame is not the image's: their limb would be drawn in the wrong place.
-OTHER_FRAME = ("mirrored",)
+OTHER_FRAME = ("mirrored", "rolled")
 
 
 def run(work: Work) -> dict[str, Any]:
     """What explains the image (see `diagnosis_of`), None where nothing does or nothing was to be tried; and the doubt
-    that a result without the map's markings, or without another body, if there comes to be one, is told with. Where
-    another body was masked, the folder also holds the masked image, for later steps to use."""
+    that a result without the map's markings, another body or stray light, if there comes to be one, is told with. Where
+    another image than the given one is to be corrected, the folder holds it."""
     observation, predicted, scene = (
         load_observation(work.place("undistort")),
         pose_in(work.place("pose")),
@@ -54,14 +61,12 @@ def run(work: Work) -> dict[str, Any]:
         evidence["doubt"] = (
             f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
         )
-    masked = diagnosis.code == OTHER and diagnosis.explanation is not None
-    if masked and diagnosis.explanation:
-        evidence["doubt"] = (
-            f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
-        )
+    replaced = diagnosis.code in REPLACED and diagnosis.explanation is not None
+    if replaced and diagnosis.explanation:
+        evidence["doubt"] = f"{diagnosis.code}: {diagnosis.fault} {REPLACED[diagnosis.code]}"
         save_observation(work.folder, diagnosis.explanation.candidate.observation)
         save_arrays(work.folder / DISTORTION, **load_arrays(work.place("undistort") / DISTORTION))
-    return {"diagnosis": cause, "masked": masked, "evidence": evidence}
+    return {"diagnosis": cause, "replaced": replaced, "evidence": evidence}
 
 
 def examined(
@@ -70,13 +75,9 @@ def examined(
     """What was tried, with the predicted target brought into the frame, and what of it explains the image."""
     centre = (np.array(scene.camera.size_px) - 1) / 2
     inside = pose_pointed_at(predicted, scene.camera, centre)
-    found = tried(observation, inside, scene, settings, progress)
-    diagnosis = (
-        diagnosis_of(found, inside, scene, settings)
-        or hidden_by_other(observation, inside, scene)
-        or incomplete_frame(observation, scene, settings)
-    )
-    return found, diagnosis
+    observation = with_plate_flagged(observation)
+    seen = tried(observation, inside, scene, settings, progress)
+    return seen.found, cause_of(seen, observation, inside, scene, settings)
 
 
 def pictured(found: list[Explanation], diagnosis: Diagnosis | None) -> Explanation | None:
