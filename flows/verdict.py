@@ -61,8 +61,9 @@ def doubts(chain: Chain) -> list[str]:
         found += [doubtful_likeness(accept, report), doubtful_limb(accept, report)]
         found += [doubtful_sun(accept, report), report.get("doubt")]
     found = [doubt for doubt in found if doubt]
-    if found and "validate" in last and (blurred := doubtful_blur(accept, last["validate"])):
-        found.insert(0, blurred)
+    if found and "validate" in last:
+        spoilt = [doubtful_blocks(accept, last["validate"]), doubtful_blur(accept, last["validate"])]
+        found = [doubt for doubt in spoilt if doubt] + found
     return found
 
 
@@ -122,6 +123,17 @@ def doubtful_blur(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
     return (
         f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
         "motion, focus or an atmosphere, or the camera's psf_sigma_px is too small. Check picture and camera file."
+    )
+
+
+def doubtful_blocks(accept: AcceptSettings, report: dict[str, Any]) -> str | None:
+    """What the blocks of a compression explain of other doubts."""
+    blocks = report.get("blocks")
+    if blocks is None or blocks <= accept.sure_blocks:
+        return None
+    return (
+        f"image-compressed: the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at "
+        "their edges as elsewhere). Take a version with less compression."
     )
 
 

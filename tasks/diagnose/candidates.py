@@ -29,6 +29,7 @@ Name = Literal[
     "mirrored",
     "rolled",
     "inverted",
+    "shadowed",
 ]
 MIRRORED: tuple[Flip, ...] = ("x", "y", "transpose", "antitranspose")
 TURNED: tuple[Flip, ...] = ("rot90", "rot180", "rot270")

@@ -26,6 +26,7 @@ RIM_PX, RIM_RADII = 4.0, 0.3
 # Sides of the blocks in which errors go together, of the reduced picture.
 BLOCK_PX = 8
 FEWEST_PIXELS = 50
+LEAST_SHARED = 0.5
 
 
 @dataclass(frozen=True)
@@ -66,9 +67,12 @@ def fit_of(candidate: Candidate, observation: Observation, pose: Pose, scene: Sc
 
 
 def better_by(fit: Fit, other: Fit) -> tuple[float, float]:
-    """How many times as large the other one's mean square is, and the gain in log-likelihood that this is worth. Where
-    the other one has no pixels it explains nothing."""
+    """How many times as large the other one's mean square is, and the gain in log-likelihood that this is worth, over
+    pixels that both have. Where the other one has few of those, such as behind a mask, it explains nothing of them."""
     meant = (fit.near | other.near) & np.isfinite(fit.residual)
+    both = meant & np.isfinite(other.residual)
+    if np.count_nonzero(both & fit.near) >= LEAST_SHARED * np.count_nonzero(meant & fit.near):
+        meant = both
     base = np.where(np.isfinite(other.residual), other.residual, fit.sky)
     return ratio_and_gain(np.where(meant, fit.residual, 0), np.where(meant, base, 0), meant)
 

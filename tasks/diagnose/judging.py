@@ -12,6 +12,7 @@ from tasks.diagnose.telling import OTHER, Diagnosis, told_of, told_of_map
 from tasks.diagnose.trying import Explanation, Tried
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
+from tasks.validate.blocks import blocks_of
 
 FLIPS = ("mirrored", "rolled")
 
@@ -28,7 +29,11 @@ def cause_of(
         covered = covered_limb(observation, first, scene, settings)
         if covered is not None:
             return covered
-    return hidden_by_other(observation, predicted, scene) or incomplete_frame(observation, scene, settings)
+    return (
+        hidden_by_other(observation, predicted, scene)
+        or incomplete_frame(observation, scene, settings)
+        or compressed(observation, settings)
+    )
 
 
 def predicted_one(all_tried: Tried) -> Explanation | None:
@@ -56,6 +61,8 @@ def explanation_of(all_tried: Tried, settings: DiagnoseSettings, scene: Scene) -
     good = [e for e in found if is_good(e, scene, settings) and is_no_chance(e, all_tried, settings)]
     rivals = [e for e in good if e is not first and (first is None or is_better(e, first, all_tried, settings))]
     best = first if first in good else None
+    # A part of the disk that is left out helps any of them: it counts only where nothing else explains the image.
+    rivals = [e for e in rivals if e.candidate.name != "shadowed"] or rivals
     # What changes least is believed unless another one is better than it, too.
     for rival in rivals:
         if best is None or best is first or is_better(rival, best, all_tried, settings):
@@ -91,6 +98,20 @@ def incomplete_frame(observation: Observation, scene: Scene, settings: DiagnoseS
         f"{share:.0%} of the frame's pixels are missing or flagged as bad, and the rest shows too little of "
         f"{scene.target.name} and its limb.",
         "Give the whole frame.",
+        None,
+    )
+
+
+def compressed(observation: Observation, settings: DiagnoseSettings) -> Diagnosis | None:
+    """Whether compression has spoilt the picture so much that this may be why nothing else explains it."""
+    blocks = blocks_of(observation)
+    if blocks is None or blocks <= settings.blocks:
+        return None
+    return Diagnosis(
+        "image-compressed",
+        f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at their edges as "
+        "elsewhere), and nothing else explains it.",
+        "Take a version with less compression.",
         None,
     )
 

@@ -18,7 +18,9 @@ class DiagnoseSettings(BaseModel):
     the map counts as another one. same_size, summed_size: a disk whose width differs by less is as large as predicted,
     or as in another summing mode. incomplete: share of the frame's pixels without which it counts as incomplete.
     bodies: a catalog body is named where its disk would be so nearly as wide as the image's. limb_left: share of the
-    lit limb that must be measurable; below it the reason says what covers the rest."""
+    lit limb that must be measurable; below it the reason says what covers the rest. blocks: a picture counts as spoilt
+    by compression where steps are so many times as large at the edges of its blocks (measured: 1.0-1.2 without, 2.9 and
+    more at JPEG's lowest qualities)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     sizes: tuple[float, ...] = Field((0.4, 0.5, 0.6, 0.7, 0.8, 0.88, 1.13, 1.25, 1.45, 1.7, 2.0, 2.5), min_length=1)
@@ -43,4 +45,5 @@ class DiagnoseSettings(BaseModel):
     summed_size: float = Field(0.04, gt=0)
     incomplete: float = Field(0.2, gt=0, le=1)
     bodies: float = Field(0.01, gt=0)
+    blocks: float = Field(1.6, gt=1)
     limb_left: float = Field(0.25, ge=0, le=1)

@@ -17,6 +17,7 @@ from tasks.simulate.window import disk_radius_px
 MAP = "map-does-not-match"
 OTHER = "another-body"
 STRAY = "stray-light"
+SHADOW = "disk-shadowed"
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,8 @@ def told_of(best: Explanation, predicted: Pose, scene: Scene, settings: Diagnose
             return told_of_other(best, scene)
         case "unmasked":
             return told_of_unmasked(best, scene)
+        case "shadowed":
+            return told_of_shadowed(best, scene)
         case "stray-light":
             return told_of_stray_light(best, scene)
         case "blurred":
@@ -55,12 +58,10 @@ def told_of(best: Explanation, predicted: Pose, scene: Scene, settings: Diagnose
 def told_of_other(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
-    pixels = (best.candidate.observation.quality & np.uint16(Quality.MASKED_BY_USER)) != 0
-    rows, columns = np.nonzero(pixels)
     return Diagnosis(
         OTHER,
-        f"another bright body is in the frame, at x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}: with "
-        f"it masked, {scene.target.name} is found at ({x:.1f}, {y:.1f}).",
+        f"another bright body is in the frame, at {masked_box(best)}: with it masked, "
+        f"{scene.target.name} is found at ({x:.1f}, {y:.1f}).",
         "Mask the other body (--mask FILE), and give --start-offset where the search still takes it for the target.",
         best,
     )
@@ -76,6 +77,24 @@ def told_of_unmasked(best: Explanation, scene: Scene) -> Diagnosis:
         "Give a mask that leaves disk and lit limb free: its non-zero pixels are not used.",
         best,
     )
+
+
+def told_of_shadowed(best: Explanation, scene: Scene) -> Diagnosis:
+    """What the user is told."""
+    x, y = scene.camera.project(best.pose.target_in_camera_km)
+    return Diagnosis(
+        SHADOW,
+        f"a part of the disk that should be sunlit is as dark as the sky, at {masked_box(best)}: a shadow, a body in "
+        f"front of it, or missing data; with it masked, {scene.target.name} is found at ({x:.1f}, {y:.1f}).",
+        "Mask that part (--mask FILE).",
+        best,
+    )
+
+
+def masked_box(best: Explanation) -> str:
+    """Where the masked pixels of an explanation are, in words."""
+    rows, columns = np.nonzero((best.candidate.observation.quality & np.uint16(Quality.MASKED_BY_USER)) != 0)
+    return f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}"
 
 
 def told_of_stray_light(best: Explanation, scene: Scene) -> Diagnosis:

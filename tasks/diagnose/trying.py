@@ -32,6 +32,9 @@ from tasks.validate.sun import sun_in_image
 Progress = Callable[[str, int, str], None]
 MIN_OVERLAP = 0.25
 SETTLING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
+# Each explanation changes one thing: where that is not the size, the disk may grow by no more than metadata err.
+SETTLING_AS_LARGE = SETTLING.model_copy(update={"limit": 0.1})
+SIZED = ("as-predicted", "size")
 REGISTERING = PointSettings(coarse=False, stop_px=0.3)
 VALIDATE = ValidateSettings()
 # Sub-pixels across the disk of the renderings: the limb need only be right to a tenth of a pixel.
@@ -146,7 +149,8 @@ def settled(
     observation = reduced_observation(candidate.observation, n)
     small, mapped = reduced_scene(candidate.seen_by(plain), n), reduced_scene(candidate.seen_by(scene), n)
     coarse = small.coarser(found.pose, ACROSS)
-    pose, fault = at_rest(observation, found.pose, coarse)
+    how = SETTLING if candidate.name in SIZED else SETTLING_AS_LARGE
+    pose, fault = at_rest(observation, found.pose, coarse, how)
     if candidate.name == "sun" and fault is None:
         pose, fault = with_sun_of_image(observation, pose, coarse)
     report = validate_limb(observation, pose, coarse, VALIDATE)
@@ -168,10 +172,12 @@ def settled(
     )
 
 
-def at_rest(observation: Observation, pose: Pose, scene: Scene) -> tuple[Pose, str | None]:
+def at_rest(
+    observation: Observation, pose: Pose, scene: Scene, how: LimbRangeSettings = SETTLING_AS_LARGE
+) -> tuple[Pose, str | None]:
     """Centre and range by the limb; where it is not measured the centre by all pixels, and why."""
     try:
-        return find_range_by_limb(observation, pose, scene, SETTLING).pose, None
+        return find_range_by_limb(observation, pose, scene, how).pose, None
     except FailedError as error:
         fault = error.fault
     try:

@@ -14,6 +14,7 @@ from tasks.plain import plain
 from tasks.simulate import Scene
 from tasks.stored import load_observation, pose_in, save_arrays, scene_of
 from tasks.validate import ValidateSettings, validate_limb
+from tasks.validate.blocks import blocks_of
 from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
 from tasks.validate.limb import margin_px
 from tasks.validate.sun import sun_in_image
@@ -25,7 +26,7 @@ ACROSS_BEFORE = 400.0
 
 def run(work: Work) -> dict[str, Any]:
     """Limb of the corrected pose (see `validate_limb`), and similarity under the predicted and the corrected one,
-    and where the image puts the Sun (see `sun_in_image`)."""
+    where the image puts the Sun (see `sun_in_image`), and whether it shows the blocks of a compression."""
     observation, scene = load_observation(work.place("undistort")), scene_of(work)
     settings = ValidateSettings.model_validate(work.inputs["settings"])
     report = validate_limb(observation, pose_in(work.place("pose")), scene, settings)
@@ -39,6 +40,7 @@ def run(work: Work) -> dict[str, Any]:
         "limb": plain(report.to_dict()),
         "similarity": {"before": before, "after": plain(report.similarity)},
         "sun": plain(sun.to_dict()),
+        "blocks": blocks_of(observation),
         "dark_limb": plain(outside.to_dict()),
         **plain(oriented),
         "doubt": " ".join(doubt for doubt in doubts if doubt) or None,

@@ -40,7 +40,7 @@ NAMED = {
     "map": r"markings|base map|map-does-not-match",
     "saturated": r"saturated",
     "empty": r"nothing in the frame looks like|target-not-found",
-    "outside": r"nothing in the frame looks like|of it would be in the frame|target-not-found|nowhere on usable",
+    "outside": r"edge of the frame|nothing in the frame looks like|would be in the frame|target-not-found|nowhere on",
     "behind": r"behind the camera",
     "small": r"disk-too-small|only [\d.]+ px wide",
     "large": r"no-limb",
