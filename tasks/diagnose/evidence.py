@@ -23,8 +23,8 @@ from tasks.simulate.window import disk_radius_px
 Image = NDArray[np.float64]
 ACROSS = 120.0
 RIM_PX, RIM_RADII = 4.0, 0.3
-# Sides of the blocks in which errors go together, of the reduced picture.
-BLOCK_PX = 8
+# Errors go together in blocks: so many of them across the disk.
+BLOCKS_ACROSS = 8
 FEWEST_PIXELS = 50
 LEAST_SHARED = 0.5
 
@@ -32,18 +32,21 @@ LEAST_SHARED = 0.5
 @dataclass(frozen=True)
 class Fit:
     """All (ny, nx) of the reduced frame as it was taken: residual, image minus simulation, and sky, image minus the sky
-    around the target, as if none were there; both NaN where the candidate's image is not usable. near: disk and rim."""
+    around the target, as if none were there; both NaN where the candidate's image is not usable. near: disk and rim.
+    block_px: side of the blocks in which errors go together."""
 
     residual: Image
     sky: Image
     near: NDArray[np.bool_]
+    block_px: int
 
 
 def fit_of(candidate: Candidate, observation: Observation, pose: Pose, scene: Scene, n: int) -> Fit:
     """Of a candidate whose picture is `observation`, settled at `pose`, over cells of n x n pixels."""
     seen = reduced_observation(without_specks(observation, lit_width_px(pose, scene)), n)
     small = reduced_scene(candidate.seen_by(scene), n)
-    margin = RIM_PX + RIM_RADII * disk_radius_px(pose, small.camera, small.target)
+    radius = disk_radius_px(pose, small.camera, small.target)
+    margin, block_px = RIM_PX + RIM_RADII * radius, max(2, round(2 * radius / BLOCKS_ACROSS))
     match = match_scene(seen, small.coarser(pose, ACROSS), pose, framed_window(small, pose, margin))
     model, coefficients = fit_brightness(match, match.simulation.bases)
     window = match.simulation.window
@@ -63,41 +66,51 @@ def fit_of(candidate: Candidate, observation: Observation, pose: Pose, scene: Sc
     residual[place] = image[place] - model[part]
     if candidate.flip:
         residual, sky, near = (flipped(a, BACK.get(candidate.flip, candidate.flip)) for a in (residual, sky, near))
-    return Fit(residual, sky, near)
+    return Fit(residual, sky, near, block_px)
 
 
 def better_by(fit: Fit, other: Fit) -> tuple[float, float]:
-    """How many times as large the other one's mean square is, and the gain in log-likelihood that this is worth, over
-    pixels that both have. Where the other one has few of those, such as behind a mask, it explains nothing of them."""
+    """How many times as large the other one's mean square is, over pixels that both have, and by how many sigmas that
+    is more than accident. Where the other one has few of those, such as behind a mask, it explains nothing of them.
+
+    The difference of the squares is summed over blocks, whose scatter tells its error: neither explanation contains the
+    other, so that the number of unknowns tells nothing (Vuong 1989, Econometrica 57, 307).
+    """
     meant = (fit.near | other.near) & np.isfinite(fit.residual)
     both = meant & np.isfinite(other.residual)
     if np.count_nonzero(both & fit.near) >= LEAST_SHARED * np.count_nonzero(meant & fit.near):
         meant = both
     base = np.where(np.isfinite(other.residual), other.residual, fit.sky)
-    return ratio_and_gain(np.where(meant, fit.residual, 0), np.where(meant, base, 0), meant)
+    mine, its = (np.where(meant, residual, 0) ** 2 for residual in (fit.residual, base))
+    if np.count_nonzero(meant) < FEWEST_PIXELS or mine.sum() <= 0:
+        return 1.0, 0.0
+    gains = block_sums(its - mine, fit.block_px)
+    scatter = float(np.sqrt((gains**2).sum()))
+    return float(its.sum() / mine.sum()), float(gains.sum()) / scatter if scatter > 0 else 0.0
 
 
 def better_than_sky(fit: Fit) -> tuple[float, float]:
-    """The same against a frame without a target."""
+    """How many times as large the mean square would be without a target, and the gain in log-likelihood that this is
+    worth: n/2 times the ratio's logarithm, with n the number of independent pixels."""
     meant = fit.near & np.isfinite(fit.residual)
-    return ratio_and_gain(np.where(meant, fit.residual, 0), np.where(meant, fit.sky, 0), meant)
-
-
-def ratio_and_gain(residual: Image, base: Image, meant: NDArray[np.bool_]) -> tuple[float, float]:
-    """Of two residuals (ny, nx), 0 outside `meant`: ratio of the mean squares, and n/2 times its logarithm with n the
-    number of independent pixels."""
+    residual = np.where(meant, fit.residual, 0)
     count, squares = int(np.count_nonzero(meant)), float((residual**2).sum())
     if count < FEWEST_PIXELS or squares <= 0:
         return 1.0, 0.0
-    ratio = float((base**2).sum()) / squares
-    return ratio, 0.5 * count / shared(residual) * float(np.log(max(ratio, 1e-12)))
+    ratio = float((np.where(meant, fit.sky, 0) ** 2).sum()) / squares
+    together = shared(np.where(meant, fit.sky, 0), fit.block_px) if ratio < 2 else shared(residual, fit.block_px)
+    return ratio, 0.5 * count / together * float(np.log(max(ratio, 1e-12)))
 
 
-def shared(residual: Image) -> float:
+def shared(residual: Image, block_px: int) -> float:
     """How many pixels err together: mean square of the sums over blocks by that of single pixels, 1 at least."""
-    ny, nx = (-(-size // BLOCK_PX) * BLOCK_PX for size in residual.shape)
-    padded = np.zeros((ny, nx))
-    padded[: residual.shape[0], : residual.shape[1]] = residual
-    blocks = padded.reshape(ny // BLOCK_PX, BLOCK_PX, nx // BLOCK_PX, BLOCK_PX).sum(axis=(1, 3))
     squares = float((residual**2).sum())
-    return max(float((blocks**2).sum()) / squares, 1.0) if squares > 0 else 1.0
+    return max(float((block_sums(residual, block_px) ** 2).sum()) / squares, 1.0) if squares > 0 else 1.0
+
+
+def block_sums(values: Image, block_px: int) -> Image:
+    """Sums over blocks of block_px to a side; the last ones are filled up with 0."""
+    ny, nx = (-(-size // block_px) * block_px for size in values.shape)
+    padded = np.zeros((ny, nx))
+    padded[: values.shape[0], : values.shape[1]] = values
+    return np.asarray(padded.reshape(ny // block_px, block_px, nx // block_px, block_px).sum(axis=(1, 3)))

@@ -1,6 +1,7 @@
 """Which explanation is the image's, and how it is told."""
 
 import numpy as np
+from scipy.special import ndtri
 
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
@@ -25,7 +26,7 @@ def cause_of(
     if diagnosis is not None:
         return diagnosis
     first = predicted_one(all_tried)
-    if first and first.likeness >= settings.least_likeness and is_no_chance(first, all_tried, settings):
+    if first and first.likeness >= settings.sure_likeness and is_no_chance(first, all_tried, settings):
         covered = covered_limb(observation, first, scene, settings)
         if covered is not None:
             return covered
@@ -74,9 +75,9 @@ def is_better(e: Explanation, other: Explanation, all_tried: Tried, settings: Di
     """Whether one explanation leaves so much less of the image unexplained than another one that this is no accident,
     however many were tried."""
     if e.fit is None or other.fit is None:
-        return e.fit is not None
-    ratio, gain = better_by(e.fit, other.fit)
-    return ratio >= settings.better and gain >= np.log(all_tried.hypotheses / settings.false_alarm)
+        return False
+    ratio, sigmas = better_by(e.fit, other.fit)
+    return ratio >= settings.better and sigmas >= -ndtri(settings.false_alarm / all_tried.hypotheses)
 
 
 def is_no_chance(e: Explanation, all_tried: Tried, settings: DiagnoseSettings) -> bool:

@@ -11,10 +11,11 @@ class DiagnoseSettings(BaseModel):
     clip_at of their highest brightness, so that clouds do not mislead; only what correlates there by least_score, and
     less than `worth` below the best, is settled, on a disk of at most settle_px. least_likeness, least_limb: an
     explanation is good when image and simulation correlate by so much, and when the limb lies where the explanation has
-    it, within limb_px or limb_share of the radius, on the share least_limb of its lit segments. better: it is preferred
-    to another one that leaves so many times its mean square unexplained. false_alarm: probability that, of all that
-    was tried, one were so much better, or fitted at all, by accident. markings: a picture counts as mirrored or turned
-    when its markings then correlate with the map's by so much, and by markings_better more than otherwise; by less,
+    it, within limb_px or limb_share of the radius, on the share least_limb of its lit segments. sure_likeness: where no
+    limb bears it out, a target counts as found when they correlate by so much. better: it is preferred to another one
+    that leaves so many times its mean square unexplained. false_alarm: probability that, of all that was tried, one
+    were so much better, or fitted at all, by accident. markings: a picture counts as mirrored or turned when its
+    markings then correlate with the map's by so much, and by markings_better more than otherwise; by less,
     the map counts as another one. same_size, summed_size: a disk whose width differs by less is as large as predicted,
     or as in another summing mode. incomplete: share of the frame's pixels without which it counts as incomplete.
     bodies: a catalog body is named where its disk would be so nearly as wide as the image's. limb_left: share of the
@@ -34,6 +35,7 @@ class DiagnoseSettings(BaseModel):
     least_score: float = Field(0.4, ge=-1, le=1)
     worth: float = Field(0.12, ge=0)
     least_likeness: float = Field(0.65, ge=-1, le=1)
+    sure_likeness: float = Field(0.85, ge=-1, le=1)
     least_limb: float = Field(0.5, gt=0, le=1)
     limb_px: float = Field(1.0, gt=0)
     limb_share: float = Field(0.01, ge=0)

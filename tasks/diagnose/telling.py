@@ -177,21 +177,21 @@ def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: Dia
         f"the disk in the image is {size:.3f} times as wide as predicted ({size * radius:.1f} px in radius, not "
         f"{radius:.1f})"
     )
+    bodies = bodies_of_radius(max(scene.target.radii_km) * size, settings.bodies, scene.target.name)
+    other = f", or --target {bodies[0]}" if len(bodies) == 1 else f", or another target ({', '.join(bodies)})"
+    other = other if bodies else ""
     for factor, mode in ((0.5, "summed 2x2"), (0.25, "summed 4x4"), (2.0, "not summed")):
         if abs(size / factor - 1) <= settings.summed_size:
             return Diagnosis(
                 "summing-mode",
-                f"{seen}: the frame is {mode}, the camera's focal length in pixels is another one, or the range is.",
-                f"Give --camera FILE.toml with focal_length_px = {focal_px:.6g}; it fits the image.",
+                f"{seen}: the frame is {mode}, or range, focal length or target are not the image's.",
+                f"Give --camera FILE.toml with focal_length_px = {focal_px:.6g}{other}; it fits the image.",
                 best,
             )
-    bodies = bodies_of_radius(max(scene.target.radii_km) * size, settings.bodies, scene.target.name)
-    other = f", or --target {bodies[0]}" if len(bodies) == 1 else f", or another target ({', '.join(bodies)})"
     return Diagnosis(
         "disk-size",
         f"{seen}: the range, the focal length (camera, summing mode) or the target is not the image's.",
-        f"A range of {predicted.range_km / size:.6g} km fits, or focal_length_px = {focal_px:.6g}"
-        f"{other if bodies else ''}.",
+        f"A range of {predicted.range_km / size:.6g} km fits, or focal_length_px = {focal_px:.6g}{other}.",
         best,
     )
 

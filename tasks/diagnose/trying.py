@@ -18,7 +18,7 @@ from tasks.compare.brightness import brightness_columns, correlation, robust_lea
 from tasks.compare.likeness import with_rim
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.diagnose.candidates import Candidate, families
-from tasks.diagnose.evidence import Fit, fit_of, shared
+from tasks.diagnose.evidence import BLOCKS_ACROSS, Fit, fit_of, shared
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.point.coarse import CoarseFind, find_target
 from tasks.point.loop import PointSettings, likeness_at, settle, share_in_frame
@@ -223,5 +223,6 @@ def markings_at(observation: Observation, pose: Pose, scene: Scene) -> tuple[flo
         values, _, _ = robust_least_squares(columns, picture, weight)
         left.append(np.where(inside, picture - np.tensordot(values, columns, 1), 0))
     # Two smooth pictures agree by chance as far as their product's pixels go together.
-    independent = count / min(shared(left[0]), shared(left[1]))
+    block_px = max(2, round(2 * disk_radius_px(pose, match.scene.camera, scene.target) / BLOCKS_ACROSS))
+    independent = count / min(shared(each, block_px) for each in left)
     return correlation(left[0], left[1], inside), independent

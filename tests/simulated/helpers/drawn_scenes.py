@@ -42,7 +42,7 @@ class Drawn:
 
 def drawn(rng: np.random.Generator, bodies: tuple[str, ...] = BODIES, **fixed: Any) -> Drawn:
     """A usual scene. fixed: radius_px, centre_px, phase_deg, psf_px, peak, behind (more bodies), instead of drawn."""
-    side = int(rng.integers(200, 330))
+    side = int(rng.integers(170, 260))
     camera = Camera(
         name="drawn",
         size_px=(side, side),
@@ -50,7 +50,7 @@ def drawn(rng: np.random.Generator, bodies: tuple[str, ...] = BODIES, **fixed: A
         focal_length_px=float(10 ** rng.uniform(4.0, 5.3)),
     )
     target = str(rng.choice(bodies))
-    radius = fixed.get("radius_px", float(rng.uniform(24, 0.27 * side)))
+    radius = fixed.get("radius_px", float(rng.uniform(22, 0.22 * side)))
     room = max(side / 2 - radius - 12, 0)
     centre = fixed.get("centre_px", tuple((side - 1) / 2 + rng.uniform(-room, room, 2)))
     above = (float(rng.uniform(0, 360)), float(rng.uniform(-35, 35)))
