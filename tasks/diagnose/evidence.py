@@ -24,7 +24,7 @@ Image = NDArray[np.float64]
 ACROSS = 120.0
 RIM_PX, RIM_RADII = 4.0, 0.3
 # Errors go together in blocks: so many of them across the disk.
-BLOCKS_ACROSS = 8
+BLOCKS_ACROSS = 12
 FEWEST_PIXELS = 50
 LEAST_SHARED = 0.5
 
@@ -98,7 +98,8 @@ def better_than_sky(fit: Fit) -> tuple[float, float]:
     if count < FEWEST_PIXELS or squares <= 0:
         return 1.0, 0.0
     ratio = float((np.where(meant, fit.sky, 0) ** 2).sum()) / squares
-    together = shared(np.where(meant, fit.sky, 0), fit.block_px) if ratio < 2 else shared(residual, fit.block_px)
+    wide = fit.block_px * 3 // 2  # what the sky may hold is smoother than what an explanation leaves
+    together = shared(np.where(meant, fit.sky, 0) if ratio < 2 else residual, wide)
     return ratio, 0.5 * count / together * float(np.log(max(ratio, 1e-12)))
 
 

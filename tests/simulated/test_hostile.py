@@ -62,9 +62,9 @@ def observed(image: np.ndarray) -> Observation:
 def test_what_explains_a_hostile_image_is_the_cause_that_was_planted(name: str, code: str) -> None:
     (hostile,) = chosen(name)
     scene, observation = scene_of(hostile), observed(hostile.image)
-    found = tried(observation, hostile.pose, scene, SETTINGS)
-    diagnosis = diagnosis_of(found, hostile.pose, scene, SETTINGS)
-    print([(e.candidate.name, round(e.likeness, 3), e.limb_px, e.size) for e in found], diagnosis)
+    seen = tried(observation, hostile.pose, scene, SETTINGS)
+    diagnosis = diagnosis_of(seen, hostile.pose, scene, SETTINGS)
+    print([(e.candidate.name, round(e.likeness, 3), e.limb_px, e.size) for e in seen.found], diagnosis)
     assert diagnosis is not None
     assert diagnosis.code == code
     assert diagnosis.fault.endswith(".")

@@ -23,10 +23,10 @@ def noise(seed: int, scale_px: float = 0.0) -> np.ndarray:
 
 
 def fit(residual: np.ndarray, sky: np.ndarray | None = None) -> Fit:
-    return Fit(residual, residual if sky is None else sky, DISK, 8)
+    return Fit(residual, residual if sky is None else sky, DISK, 5)
 
 
-@pytest.mark.parametrize("scale_px", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("scale_px", [0.0, 1.0, 2.0])
 def test_what_fits_equally_well_is_never_better(scale_px: float) -> None:
     """Of residuals that differ by accident only, of independent pixels and of ones that go together."""
     found = [better_by(fit(noise(seed, scale_px)), fit(noise(500 + seed, scale_px)))[1] for seed in range(200)]
@@ -55,7 +55,7 @@ def test_errors_that_go_together_count_once() -> None:
     assert shared(np.zeros(SHAPE), 8) == 1.0
 
 
-@pytest.mark.parametrize("scale_px", [0.0, 1.0, 3.0])
+@pytest.mark.parametrize("scale_px", [0.0, 1.0, 2.0])
 def test_a_disk_is_no_chance_and_one_that_was_fitted_to_noise_is(scale_px: float) -> None:
     assert better_than_sky(fit(noise(3), noise(3) + 20.0 * DISK))[1] > 1000
     worst = 0.0
