@@ -36,11 +36,11 @@ def without_stray_light(observation: Observation) -> Even | None:
     xy, values = block_medians(observation)
     kept = np.ones(len(values), bool)
     columns = quadratic(xy)
-    coefficients = np.zeros(columns.shape[1])
+    coefficients: Array = np.zeros(columns.shape[1])
     for _ in range(ROUNDS):
         if np.count_nonzero(kept) < FEWEST_BLOCKS:
             return None
-        coefficients = np.linalg.lstsq(columns[kept], values[kept], rcond=None)[0]
+        coefficients = np.asarray(np.linalg.lstsq(columns[kept], values[kept], rcond=None)[0], np.float64)
         residual = values - columns @ coefficients
         sigma = 1.4826 * float(np.median(np.abs(residual[kept] - np.median(residual[kept]))))
         now = residual < CLIPPED_SIGMAS * sigma + 1e-9 * max(float(np.abs(values).max()), 1e-9)
