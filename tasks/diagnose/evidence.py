@@ -76,13 +76,12 @@ def better_by(fit: Fit, other: Fit) -> tuple[float, float]:
     The difference of the squares is summed over blocks, whose scatter tells its error: neither explanation contains the
     other, so that the number of unknowns tells nothing (Vuong 1989, Econometrica 57, 307).
     """
-    meant = (fit.near | other.near) & np.isfinite(fit.residual)
-    both = meant & np.isfinite(other.residual)
-    if np.count_nonzero(both & fit.near) >= LEAST_SHARED * np.count_nonzero(meant & fit.near):
-        meant = both
-    base = np.where(np.isfinite(other.residual), other.residual, fit.sky)
-    mine, its = (np.where(meant, residual, 0) ** 2 for residual in (fit.residual, base))
-    if np.count_nonzero(meant) < FEWEST_PIXELS or mine.sum() <= 0:
+    both = (fit.near | other.near) & np.isfinite(fit.residual) & np.isfinite(other.residual)
+    if np.count_nonzero(both & fit.near) < LEAST_SHARED * np.count_nonzero(fit.near & np.isfinite(fit.residual)):
+        ratio, gain = better_than_sky(fit)
+        return ratio, float(np.sqrt(2 * max(gain, 0.0)))
+    mine, its = (np.where(both, residual, 0) ** 2 for residual in (fit.residual, other.residual))
+    if np.count_nonzero(both) < FEWEST_PIXELS or mine.sum() <= 0:
         return 1.0, 0.0
     gains = block_sums(its - mine, fit.block_px)
     scatter = float(np.sqrt((gains**2).sum()))

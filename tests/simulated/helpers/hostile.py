@@ -45,7 +45,7 @@ NAMED = {
     "small": r"disk-too-small|only [\d.]+ px wide",
     "large": r"no-limb",
     "other body": r"another bright body|another body",
-    "lines": r"pixels are missing",
+    "lines": r"pixels are missing|on missing or flagged pixels",
     "specks": r"$^",
     "blur": r"blurred|smeared",
     "faint": r"faint|nothing in the frame looks like",
