@@ -71,13 +71,14 @@ def fit_of(candidate: Candidate, observation: Observation, pose: Pose, scene: Sc
 
 def better_by(fit: Fit, other: Fit) -> tuple[float, float]:
     """How many times as large the other one's mean square is, over pixels that both have, and by how many sigmas that
-    is more than accident. Where the other one has few of those, such as behind a mask, it explains nothing of them.
+    is more than accident. Where those hold little of the target's light, as behind a mask, the other explains nothing.
 
     The difference of the squares is summed over blocks, whose scatter tells its error: neither explanation contains the
     other, so that the number of unknowns tells nothing (Vuong 1989, Econometrica 57, 307).
     """
     both = (fit.near | other.near) & np.isfinite(fit.residual) & np.isfinite(other.residual)
-    if np.count_nonzero(both & fit.near) < LEAST_SHARED * np.count_nonzero(fit.near & np.isfinite(fit.residual)):
+    light = np.where(fit.near & np.isfinite(fit.residual), fit.sky, 0) ** 2
+    if light[np.isfinite(other.residual)].sum() < LEAST_SHARED * light.sum():
         ratio, gain = better_than_sky(fit)
         return ratio, float(np.sqrt(2 * max(gain, 0.0)))
     mine, its = (np.where(both, residual, 0) ** 2 for residual in (fit.residual, other.residual))

@@ -109,7 +109,7 @@ def compressed(observation: Observation, settings: DiagnoseSettings) -> Diagnosi
     if blocks is None or blocks <= settings.blocks:
         return None
     return Diagnosis(
-        "image-compressed",
+        "compression-blocks",
         f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at their edges as "
         "elsewhere), and nothing else explains it.",
         "Take a version with less compression.",
