@@ -29,7 +29,6 @@ Name = Literal[
     "mirrored",
     "rolled",
     "inverted",
-    "shadowed",
 ]
 MIRRORED: tuple[Flip, ...] = ("x", "y", "transpose", "antitranspose")
 TURNED: tuple[Flip, ...] = ("rot90", "rot180", "rot270")

@@ -62,8 +62,6 @@ def explanation_of(all_tried: Tried, settings: DiagnoseSettings, scene: Scene) -
     good = [e for e in found if is_good(e, scene, settings) and is_no_chance(e, all_tried, settings)]
     rivals = [e for e in good if e is not first and (first is None or is_better(e, first, all_tried, settings))]
     best = first if first in good else None
-    # A part of the disk that is left out helps any of them: it counts only where nothing else explains the image.
-    rivals = [e for e in rivals if e.candidate.name != "shadowed"] or rivals
     # What changes least is believed unless another one is better than it, too.
     for rival in rivals:
         if best is None or best is first or is_better(rival, best, all_tried, settings):

@@ -9,8 +9,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
 from tasks.diagnose.judging import cause_of
-from tasks.diagnose.shadow import also_shadowed
-from tasks.diagnose.telling import MAP, OTHER, SHADOW, STRAY, Diagnosis
+from tasks.diagnose.telling import MAP, OTHER, STRAY, Diagnosis
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
 from tasks.publish.overlay import draw_overlay
@@ -24,7 +23,6 @@ OVERLAY, TRIED = "overlay.png", "tried.json"
 # Causes that the corrections can do without on another image than the given one, and what is told with the result.
 REPLACED = {
     OTHER: "Look at the picture: a mask of your own (--mask) may be better.",
-    SHADOW: "Look at the picture: a mask of your own (--mask) may be better.",
     STRAY: "It was corrected so; look at the picture.",
 }
 # Explanations whose frame is not the image's: their limb would be drawn in the wrong place.
@@ -79,7 +77,6 @@ def examined(
     inside = pose_pointed_at(predicted, scene.camera, centre)
     observation = with_plate_flagged(observation)
     seen = tried(observation, inside, scene, settings, progress)
-    seen = also_shadowed(seen, observation, inside, scene, settings)
     return seen.found, cause_of(seen, observation, inside, scene, settings)
 
 

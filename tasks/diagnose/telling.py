@@ -17,7 +17,6 @@ from tasks.simulate.window import disk_radius_px
 MAP = "map-does-not-match"
 OTHER = "another-body"
 STRAY = "stray-light"
-SHADOW = "disk-shadowed"
 
 
 @dataclass(frozen=True)
@@ -38,8 +37,6 @@ def told_of(best: Explanation, predicted: Pose, scene: Scene, settings: Diagnose
             return told_of_other(best, scene)
         case "unmasked":
             return told_of_unmasked(best, scene)
-        case "shadowed":
-            return told_of_shadowed(best, scene)
         case "stray-light":
             return told_of_stray_light(best, scene)
         case "blurred":
@@ -75,18 +72,6 @@ def told_of_unmasked(best: Explanation, scene: Scene) -> Diagnosis:
         f"the mask hides {scene.target.name}: without it, the disk is found at ({x:.1f}, {y:.1f}), "
         f"{disk_radius_px(best.pose, scene.camera, scene.target):.1f} px in radius.",
         "Give a mask that leaves disk and lit limb free: its non-zero pixels are not used.",
-        best,
-    )
-
-
-def told_of_shadowed(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
-    x, y = scene.camera.project(best.pose.target_in_camera_km)
-    return Diagnosis(
-        SHADOW,
-        f"a part of the disk that should be sunlit is as dark as the sky, at {masked_box(best)}: a shadow, a body in "
-        f"front of it, or missing data; with it masked, {scene.target.name} is found at ({x:.1f}, {y:.1f}).",
-        "Mask that part (--mask FILE).",
         best,
     )
 

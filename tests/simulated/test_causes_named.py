@@ -14,7 +14,6 @@ from catalog.readers.noise import measured_noise
 from catalog.target import find_target
 from tasks.diagnose import DiagnoseSettings, tried
 from tasks.diagnose.judging import cause_of
-from tasks.diagnose.shadow import also_shadowed
 from tasks.diagnose.telling import Diagnosis
 from tasks.point.rotation import pose_pointed_at
 from tasks.simulate import Scene, SceneSettings
@@ -38,7 +37,7 @@ def cause(scene: Hostile) -> Diagnosis | None:
     simulated = Scene(scene.camera, target, map_of_target(target), SceneSettings(photometry="mixture", oversample=2))
     inside = pose_pointed_at(scene.pose, scene.camera, (np.array(scene.camera.size_px) - 1) / 2)
     observation = observed(scene)
-    seen = also_shadowed(tried(observation, inside, simulated, SETTINGS), observation, inside, simulated, SETTINGS)
+    seen = tried(observation, inside, simulated, SETTINGS)
     return cause_of(seen, observation, inside, simulated, SETTINGS)
 
 
@@ -49,7 +48,6 @@ def cause(scene: Hostile) -> Diagnosis | None:
         ("limb_saturated", "limb-saturated", "shorter exposure"),
         ("masked", "target-masked", "mask"),
         ("stray_light", "stray-light", "subtracted"),
-        ("eclipsed", "disk-shadowed", "--mask"),
     ],
 )
 def test_the_planted_cause_is_named(kind: str, code: str, remedy: str) -> None:
