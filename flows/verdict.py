@@ -132,8 +132,8 @@ def doubtful_blocks(accept: AcceptSettings, report: dict[str, Any]) -> str | Non
     if blocks is None or blocks <= accept.sure_blocks:
         return None
     return (
-        f"compression-blocks: the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at "
-        "their edges as elsewhere). Take a version with less compression."
+        f"compression-blocks: the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large "
+        "at their edges as elsewhere). Take a version with less compression."
     )
 
 
