@@ -14,8 +14,8 @@ from flows.chain import Chain
 from flows.request import Request
 from tasks.atomic import folder_put_in_place
 from tasks.correcting import Known
-from tasks.diagnose.judging import MAP
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
+from tasks.diagnose.telling import MAP
 from tasks.record import RECORD_FILE, read_record
 from tasks.registry import CORRECTIONS, DIAGNOSE, START, VALIDATE
 from tasks.scene_inputs import UNIFORM, SceneFiles
@@ -56,10 +56,10 @@ def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFil
 def without_cause(
     chain: Chain, error: PlanetposeError, known: Known, files: SceneFiles
 ) -> tuple[Known, SceneFiles] | None:
-    """Scene and files of a body without markings, or of an image with another body masked, to correct once more; what
-    the corrections found before is forgotten. None where the cause is none of these."""
+    """Scene and files of a body without markings, or of an image without another body or stray light, to correct once
+    more; what the corrections found before is forgotten. None where the cause is none of these."""
     found = chain.last(DIAGNOSE)
-    if found is not None and found.result.masked:
+    if found is not None and found.result.replaced:
         scene, files = known.scene.model_copy(update={"observation": found.key}), replace(files, image=found.folder)
     elif error.code == MAP and known.scene.basemap != UNIFORM:
         scene, files = known.scene.model_copy(update={"basemap": UNIFORM}), replace(files, basemap=None)
@@ -67,6 +67,14 @@ def without_cause(
         return None
     chain.forget({START.name, *CORRECTIONS, VALIDATE.name}.__contains__)
     return replace(known, scene=scene), files
+
+
+def failed_without(cause: PlanetposeError, before: PlanetposeError, after: PlanetposeError) -> PlanetposeError:
+    """The failure of an image that fails without its cause, too. A base map that is left out in vain is no cause: the
+    failure is then the one `before`. Another body or stray light is seen in the image all the same."""
+    if cause.code == MAP:
+        return before
+    return type(after)(cause.code, f"{cause.fault} Corrected so: {after.fault}", after.remedy)
 
 
 def failed_folder(request: Request) -> Path:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
-from flows.diagnosis import diagnose, forget, without_cause
+from flows.diagnosis import diagnose, failed_without, forget, without_cause
 from flows.guidance import is_started_elsewhere
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
@@ -74,10 +74,11 @@ def corrected_or_explained(chain: Chain, start: Corrected) -> Corrected:
         other = without_cause(chain, cause, start.known, start.files)
         if other is None:
             raise cause from error
+        failure = error
     try:
         return corrected_pose(chain, Corrected(*other))
     except PlanetposeError as error:
-        raise type(error)(cause.code, f"{cause.fault} Corrected so: {error.fault}", error.remedy) from error
+        raise failed_without(cause, failure, error) from error
 
 
 def corrected_pose(chain: Chain, corrected: Corrected) -> Corrected:

@@ -1,25 +1,54 @@
 """Whether a Prefect server answers, found out in seconds; and a word to the user while one is waited for."""
 
 import os
+import socket
 import sys
 import threading
 import time
 import urllib.error
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from urllib.parse import urlsplit
 
 from flows.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
 
 ATTEMPT_TIMEOUT_S = 3.0
 PATIENCE_S = 6.0
 PAUSE_S = 0.5
-SAY_AFTER_S = 3.0
+SAY_AFTER_S, SAY_EVERY_S = 3.0, 10.0
 # What a proxy answers when it does not get through to the server, or does not let us.
 FROM_THE_PROXY = (403, 407, 502, 503, 504)
 
 
 class ServerError(Exception):
     """A Prefect server cannot be started or reached."""
+
+
+class Silence:
+    """How long a server has taken connections at its address without answering. Prefect's listens when it is ready to
+    answer, so that such a silence does not end."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._since: float | None = None
+
+    def seconds(self, url: str | None) -> float:
+        """Seconds since it was first seen to listen, 0 while it does not."""
+        if url is None or not listens(url):
+            self._since = None
+            return 0.0
+        self._since = self._clock() if self._since is None else self._since
+        return self._clock() - self._since
+
+
+def listens(url: str) -> bool:
+    """Whether something takes connections at the host and port of a URL."""
+    parts = urlsplit(url)
+    try:
+        with socket.create_connection((parts.hostname or "", parts.port or 80), ATTEMPT_TIMEOUT_S):
+            return True
+    except OSError:
+        return False
 
 
 def check_reachable(url: str, aside: Sequence[Proxy] = (), patience_s: float = PATIENCE_S) -> None:
@@ -67,12 +96,23 @@ def _remedy(url: str, aside: Sequence[Proxy]) -> str:
 
 
 @contextmanager
-def said_when_it_takes_long(text: str, after_s: float = SAY_AFTER_S) -> Iterator[None]:
-    """Tell the user on stderr what is waited for, when the `with` block takes longer than a few seconds."""
-    timer = threading.Timer(after_s, lambda: print(f"planetpose: {text}", file=sys.stderr, flush=True))
-    timer.daemon = True
-    timer.start()
+def said_when_it_takes_long(
+    text: str | Callable[[], str], after_s: float = SAY_AFTER_S, every_s: float = SAY_EVERY_S
+) -> Iterator[None]:
+    """Tell the user on stderr what is waited for, and for how long by now, when the `with` block takes longer than a
+    few seconds, and again every so many. text: what is waited for; a function where that changes."""
+    over, began = threading.Event(), time.monotonic()
+
+    def say() -> None:
+        pause = after_s
+        while not over.wait(pause):
+            what = text if isinstance(text, str) else text()
+            print(f"planetpose: {what} ({time.monotonic() - began:.0f} s by now)", file=sys.stderr, flush=True)
+            pause = every_s
+
+    thread = threading.Thread(target=say, daemon=True, name="waiting-said")
+    thread.start()
     try:
         yield
     finally:
-        timer.cancel()
+        over.set()

@@ -22,11 +22,14 @@ from pathlib import Path
 from catalog.settings import state_folder
 from flows.children import our_module
 from flows.loopback import open_url
-from flows.reachable import ServerError, said_when_it_takes_long
+from flows.reachable import ServerError, Silence, listens, said_when_it_takes_long
 
 START_TIMEOUT_S = 180.0
 HEALTH_TIMEOUT_S = 5.0
 PATIENCE_S = 40.0
+# A server that listens and does not answer for so long hangs: Prefect's answered 0.13 s after it listened, beside 25
+# busy processes on two processors, where it took 37 s to listen.
+SILENT_S = 12.0
 USE_SIGNAL_S = 20.0
 IDLE_MINUTES = 15.0
 
@@ -139,8 +142,7 @@ def ensure_server(files: ServerFiles | None = None) -> str:
     """
     files = files or server_files()
     files.touch()
-    waiting = f"waiting for the local Prefect server (log: {files.log}); the first start takes 5 to 15 s"
-    with said_when_it_takes_long(waiting), locked(files.starting_lock):
+    with said_when_it_takes_long(lambda: waiting_for(files)), locked(files.starting_lock):
         record = running_server(files) or _one_that_is_starting(files)
         if record is None:
             end(files)
@@ -149,10 +151,22 @@ def ensure_server(files: ServerFiles | None = None) -> str:
     return record.url
 
 
+def waiting_for(files: ServerFiles) -> str:
+    """What a start of the server has come to, in words."""
+    record = files.read()
+    if record is None:
+        state = "its first start takes 5 to 15 s"
+    elif listens(record.url):
+        state = f"it listens at {record.url} and does not answer"
+    else:
+        state = f"it does not listen at {record.url} yet"
+    return f"waiting for the local Prefect server: {state} (log: {files.log})"
+
+
 def _one_that_is_starting(files: ServerFiles) -> ServerRecord | None:
     """The server that an interrupted command has started, once it answers; None when there is none, or it hangs."""
-    deadline = time.monotonic() + PATIENCE_S
-    while is_held(files.alive_lock) and time.monotonic() < deadline:
+    deadline, silence = time.monotonic() + PATIENCE_S, Silence()
+    while is_held(files.alive_lock) and time.monotonic() < deadline and not _is_silent(files, silence):
         record = running_server(files)
         if record:
             return record
@@ -160,19 +174,32 @@ def _one_that_is_starting(files: ServerFiles) -> ServerRecord | None:
     return None
 
 
+def _is_silent(files: ServerFiles, silence: Silence) -> bool:
+    record = files.read()
+    return silence.seconds(record.url if record else None) >= SILENT_S
+
+
 def _start(files: ServerFiles) -> ServerRecord:
+    began = time.monotonic()
+    fault = "did not start"
     for _ in range(3):  # another process may take the free port before the server does
         keeper = _start_keeper(files, free_port())
-        deadline = time.monotonic() + START_TIMEOUT_S
-        while keeper.poll() is None and time.monotonic() < deadline:
+        deadline, silence, silent = time.monotonic() + START_TIMEOUT_S, Silence(), False
+        while keeper.poll() is None and time.monotonic() < deadline and not silent:
             record = running_server(files)
             if record:
                 return record
+            silent = _is_silent(files, silence)
             time.sleep(0.1)
         if keeper.poll() is None:
+            fault = f"takes connections and has not answered for {SILENT_S:.0f} s" if silent else "did not answer"
             keeper.terminate()
             break
-    raise ServerError(f"the local Prefect server did not start; see {files.log}. Or use --server embedded.")
+    seconds = time.monotonic() - began
+    raise ServerError(
+        f"the local Prefect server {fault} ({seconds:.0f} s after its start); see {files.log}. "
+        "Or use --server embedded."
+    )
 
 
 def _start_keeper(files: ServerFiles, port: int) -> subprocess.Popen[bytes]:

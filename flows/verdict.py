@@ -6,6 +6,7 @@ from catalog.errors import PlanetposeError
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
 from tasks.accept.judgement import (
+    doubtful_blocks,
     doubtful_blur,
     doubtful_likeness,
     doubtful_limb,
@@ -32,8 +33,9 @@ def doubts(chain: Chain) -> list[str]:
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
         found += [doubtful_sun(accept, report.sun), report.doubt]
     found = [doubt for doubt in found if doubt]
-    if found and judged and (blurred := doubtful_blur(accept, judged.result.limb)):
-        found.insert(0, blurred)
+    if found and judged:
+        spoilt = [doubtful_blocks(accept, judged.result.blocks), doubtful_blur(accept, judged.result.limb)]
+        found = [doubt for doubt in spoilt if doubt] + found
     return found
 
 

@@ -26,6 +26,8 @@ PUT_TOGETHER = {
     "f'{code}-too-large'": ("image-too-large", "pose-file-too-large", "base-map-too-large", "mask-too-large"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
     "found['code']": (),  # a Diagnosis
+    "OTHER": ("another-body",),  # imported
+    "worst": ("limb-outside", "limb-saturated", "limb-masked", "limb-missing", "limb-faint"),
     "cause.code": (),
     "error.code": (),  # the same error once more, with other words: explained where it was raised first
 }

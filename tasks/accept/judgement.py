@@ -101,6 +101,16 @@ def doubtful_blur(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     )
 
 
+def doubtful_blocks(accept: AcceptSettings, blocks: float | None) -> str | None:
+    """What the blocks of a compression explain of other doubts. blocks: see `blocks_of`."""
+    if blocks is None or blocks <= accept.sure_blocks:
+        return None
+    return (
+        f"compression-blocks: the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large "
+        "at their edges as elsewhere). Take a version with less compression."
+    )
+
+
 def is_off(accept: AcceptSettings, limb: LimbFigures, limit_px: float | None) -> bool:
     """Whether the limb as a whole lies farther off than `limit_px`, or more than accept.limb_share of it so far off
     that all of it together does."""

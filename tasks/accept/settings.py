@@ -9,7 +9,8 @@ class AcceptSettings(BaseModel):
     below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
     the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments
     that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere. sure_blur:
-    where something else is doubted, a limb so many times as wide as simulated is told first. sun_across_deg,
+    where something else is doubted, a limb so many times as wide as simulated is told first; sure_blocks: and steps so
+    many times as large at the edges of compression's blocks as elsewhere. sun_across_deg,
     sun_phase_deg: where the image puts the Sun elsewhere than the metadata do by more than four of its errors and more
     than so much, as an angle on the sky across the plane of the phase angle and in it, the pose is doubtful; None is
     not asked."""
@@ -22,6 +23,7 @@ class AcceptSettings(BaseModel):
     limb_share: float = Field(0.2, gt=0, le=1)
     require_limb: bool = True
     sure_blur: float = Field(2.5, gt=1)
+    sure_blocks: float = Field(1.6, gt=1)
     min_likeness: float = Field(0.6, ge=-1, le=1)
     sure_likeness: float = Field(0.8, ge=-1, le=1)
 

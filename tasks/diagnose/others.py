@@ -19,6 +19,9 @@ LARGER, LONGER = 2.0, 2.6
 # Light that the optics scatter beyond its edge, pixels.
 RIM_PX = 4
 FEWEST_LEFT = 0.02
+# A body has a limb: on this share of its edge, at least, the brightness rises within RIM_PX by this share of the span.
+# Measured: 0.3 and more of planets' edges, terminators included, 0.00 of skies that are smooth over 30 px.
+LIMB_SHARE, LIMB_STEP = 0.15, 0.25
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ def without_others(observation: Observation, pose: Pose, scene: Scene) -> Others
     at_edge = (x == 0) | (y == 0) | (x + width == nx) | (y + height == ny)
     is_other = (area > LARGER * np.pi * radius**2) | (at_edge & (np.maximum(width, height) > LONGER * radius))
     is_other[0] = False  # the sky
+    for label in np.nonzero(is_other)[0]:
+        is_other[label] = has_limb(observation.image, labels == label, LIMB_STEP * (high - low))
     if not is_other.any():
         return None
     side = 2 * RIM_PX + 1
@@ -60,3 +65,15 @@ def without_others(observation: Observation, pose: Pose, scene: Scene) -> Others
     masked = replace(observation, quality=(observation.quality | flag).astype(np.uint16))
     centre = (float(centres[largest][0]), float(centres[largest][1]))
     return Others(masked, pixels, centre, (int(width[largest]), int(height[largest])))
+
+
+def has_limb(image: NDArray[np.float32], area: NDArray[np.bool_], step: float) -> bool:
+    """Whether an area (ny, nx) ends in a step of brightness, as a body does and clouds or stray light do not."""
+    import cv2
+
+    side = np.ones((2 * RIM_PX + 1, 2 * RIM_PX + 1), np.uint8)
+    inner = cv2.morphologyEx(area.astype(np.uint8), cv2.MORPH_ERODE, np.ones((3, 3), np.uint8), borderValue=1) > 0
+    edge = area & ~inner
+    smooth = cv2.blur(np.where(np.isfinite(image), image, 0).astype(np.float32), (3, 3))
+    rise = cv2.dilate(smooth, side) - cv2.erode(smooth, side)
+    return bool(edge.any() and np.mean(rise[edge] > step) >= LIMB_SHARE)

@@ -7,7 +7,8 @@ import numpy as np
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
-from tasks.diagnose.judging import MAP, OTHER, Diagnosis, diagnosis_of, hidden_by_other, incomplete_frame
+from tasks.diagnose.judging import cause_of
+from tasks.diagnose.telling import MAP, OTHER, STRAY, Diagnosis
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
@@ -16,12 +17,18 @@ from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.simulate import Scene
 from tasks.step import StepType
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
+from tasks.undistort.saturation import with_plate_flagged
 from tasks.undistort.step import DISTORTION
 from tasks.work import Progress, Work
 
 OVERLAY, TRIED = "overlay.png", "tried.json"
+# Causes that the corrections can do without on another image than the given one, and what is told with the result.
+REPLACED = {
+    OTHER: "Look at the picture: a mask of your own (--mask) may be better.",
+    STRAY: "It was corrected so; look at the picture.",
+}
 # Explanations whose frame is not the image's: their limb would be drawn in the wrong place.
-OTHER_FRAME = ("mirrored",)
+OTHER_FRAME = ("mirrored", "rolled")
 
 
 class DiagnoseInputs(Content):
@@ -45,18 +52,18 @@ class Cause(Content):
 
 
 class DiagnoseResult(Content):
-    """diagnosis: None where nothing explains the image, or nothing was to be tried. masked: whether the step's folder
-    holds an image with another body masked. doubt: what a result without the map's markings, or without another body,
-    is told with, if there comes to be one."""
+    """diagnosis: None where nothing explains the image, or nothing was to be tried. replaced: whether the step's
+    folder holds an image that is to be corrected in place of the given one, without another body or stray light. doubt:
+    what a result without the cause is told with, if there comes to be one."""
 
     diagnosis: Cause | None = None
-    masked: bool = False
+    replaced: bool = False
     doubt: str | None = None
     evidence: PlainJson
 
 
 def run(inputs: DiagnoseInputs, files: SceneFiles, work: Work) -> DiagnoseResult:
-    """The cause of a failure: what explains the image better than the predicted pose does (see `diagnosis_of`)."""
+    """The cause of a failure: what explains the image better than the predicted pose does (see `cause_of`)."""
     observation, predicted, scene = load_observation(files.image), inputs.pose, scene_of(inputs.scene, files)
     found: list[Explanation] = []
     diagnosis: Diagnosis | None = None
@@ -78,13 +85,13 @@ def run(inputs: DiagnoseInputs, files: SceneFiles, work: Work) -> DiagnoseResult
     doubt = None
     if diagnosis.code == MAP:
         doubt = f"{MAP}: {diagnosis.fault} It was corrected without them; latitude and longitude are in doubt."
-    masked = diagnosis.code == OTHER and diagnosis.explanation is not None
-    if masked and diagnosis.explanation:
-        doubt = f"{OTHER}: {diagnosis.fault} Look at the picture: a mask of your own (--mask) may be better."
+    replaced = diagnosis.code in REPLACED and diagnosis.explanation is not None
+    if replaced and diagnosis.explanation:
+        doubt = f"{diagnosis.code}: {diagnosis.fault} {REPLACED[diagnosis.code]}"
         save_observation(work.folder, diagnosis.explanation.candidate.observation)
         save_arrays(work.folder / DISTORTION, **load_arrays(files.image / DISTORTION))
     cause = Cause(code=diagnosis.code, fault=diagnosis.fault, remedy=diagnosis.remedy)
-    return DiagnoseResult(diagnosis=cause, masked=masked, doubt=doubt, evidence=evidence)
+    return DiagnoseResult(diagnosis=cause, replaced=replaced, doubt=doubt, evidence=evidence)
 
 
 def examined(
@@ -93,13 +100,9 @@ def examined(
     """What was tried, with the predicted target brought into the frame, and what of it explains the image."""
     centre = (np.array(scene.camera.size_px) - 1) / 2
     inside = pose_pointed_at(predicted, scene.camera, centre)
-    found = tried(observation, inside, scene, settings, progress)
-    diagnosis = (
-        diagnosis_of(found, inside, scene, settings)
-        or hidden_by_other(observation, inside, scene)
-        or incomplete_frame(observation, scene, settings)
-    )
-    return found, diagnosis
+    observation = with_plate_flagged(observation)
+    seen = tried(observation, inside, scene, settings, progress)
+    return seen.found, cause_of(seen, observation, inside, scene, settings)
 
 
 def pictured(found: list[Explanation], diagnosis: Diagnosis | None) -> Explanation | None:

@@ -4,70 +4,68 @@ The base map's markings are left out: outline and shading tell where the target 
 family of explanations is searched over the whole frame at low resolution; its best one is then settled by the limb.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from catalog.basemap import uniform_map
-from catalog.errors import FailedError
+from catalog.errors import FailedError, PlanetposeError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.brightness import brightness_columns, correlation, robust_least_squares
 from tasks.compare.likeness import with_rim
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
-from tasks.diagnose.others import without_others
+from tasks.diagnose.candidates import Candidate, families
+from tasks.diagnose.evidence import BLOCKS_ACROSS, Fit, fit_of, shared
 from tasks.diagnose.settings import DiagnoseSettings
-from tasks.diagnose.suns import sun_azimuth_deg, with_sun
-from tasks.joint.parameters import rolled
 from tasks.point.coarse import CoarseFind, find_target
-from tasks.point.loop import likeness_at, share_in_frame
+from tasks.point.loop import PointSettings, likeness_at, settle, share_in_frame
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
+from tasks.simulate.suns import sun_azimuth_deg, with_sun_moved
 from tasks.simulate.window import disk_radius_px
 from tasks.validate.limb import ValidateSettings, validate_limb
+from tasks.validate.sun import sun_in_image
 
-Name = Literal["as-predicted", "other-body", "size", "sun", "mirrored", "rolled", "inverted"]
 Progress = Callable[[str, int, str], None]
 MIN_OVERLAP = 0.25
 SETTLING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
+# Each explanation changes one thing: where that is not the size, the disk may grow by no more than metadata err.
+SETTLING_AS_LARGE = SETTLING.model_copy(update={"limit": 0.1})
+SIZED = ("as-predicted", "size")
+REGISTERING = PointSettings(coarse=False, stop_px=0.3)
 VALIDATE = ValidateSettings()
 # Sub-pixels across the disk of the renderings: the limb need only be right to a tenth of a pixel.
 ACROSS = 300.0
 SEARCH_OVERSAMPLE = 2
 FEWEST_PIXELS = 100
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One thing changed: the pose, or the picture. detail: by how much, in the family's own measure."""
-
-    name: Name
-    detail: float
-    observation: Observation
-    pose: Pose
+# Cells of the frame in which explanations are compared: so many across the predicted disk.
+COMPARED_PX = 60.0
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A candidate settled on the image. pose: where it came to rest, in the frame of `observation`, which is mirrored
-    or inverted where the candidate's is. score: correlation of the coarse search. likeness: see
-    `tasks.compare.likeness`, without the map's markings; markings: see `markings_at`, None without a map. size: width
-    of the disk by the predicted one. limb_px, limb_share: robust RMS of the limb's shifts, and the part of the lit
-    segments that was measured. in_frame: part of the disk in the frame. fault: why it did not come to rest, None when
-    it did."""
+    """A candidate settled on the image. pose: where it came to rest, in the frame of the candidate's `observation`.
+    score: correlation of the coarse search. likeness: see `tasks.compare.likeness`, without the map's markings;
+    markings, independent: see `markings_at`, None without a map. size: width of the disk by the predicted one. limb_px,
+    limb_share: robust RMS of the limb's shifts, and the part of the lit segments that was measured. in_frame: part of
+    the disk in the frame. fault: why it did not come to rest on the limb, None when it did. fit: what it leaves
+    unexplained, None where nothing of it is on usable pixels."""
 
     candidate: Candidate
     pose: Pose
     score: float
     likeness: float
     markings: float | None
+    independent: float
     size: float
     limb_px: float | None
     limb_share: float
     in_frame: float
     fault: str | None
+    fit: Fit | None = field(repr=False)
 
     def told(self, scene: Scene) -> dict[str, Any]:
         """As JSON values."""
@@ -75,6 +73,7 @@ class Explanation:
         return {
             "tried": self.candidate.name,
             "detail": self.candidate.detail,
+            "flip": self.candidate.flip,
             "centre_px": scene.camera.project(self.pose.target_in_camera_km).tolist(),
             "radius_px": disk_radius_px(self.pose, scene.camera, scene.target),
             "sun_azimuth_deg": sun_azimuth_deg(self.pose),
@@ -85,48 +84,35 @@ class Explanation:
         }
 
 
+@dataclass(frozen=True)
+class Tried:
+    """found: the best explanation of each family that is worth it, the predicted one first if it can be looked for.
+    hypotheses: how many candidates were looked for in all. places: in how many places, disk by disk."""
+
+    found: list[Explanation]
+    hypotheses: int
+    places: int
+
+
 def tried(
     observation: Observation, pose: Pose, scene: Scene, settings: DiagnoseSettings, progress: Progress | None = None
-) -> list[Explanation]:
-    """The best explanation of each family, the predicted one first. pose: the target in front of the camera."""
+) -> Tried:
+    """The best explanation of each family. pose: the target in front of the camera."""
     plain = replace(scene, basemap=uniform_map())
     rough = replace(plain, settings=plain.settings.model_copy(update={"oversample": SEARCH_OVERSAMPLE}))
-    seen = [
-        best for family in families(observation, pose, plain, settings) if (best := best_of(family, rough, settings))
-    ]
+    all_families = list(families(observation, pose, plain, settings))
+    seen = [best for family in all_families if (best := best_of(family, rough, settings))]
     worth = max([find.score for _, find in seen], default=0.0) - settings.worth
+    compared = reduction_for(pose, scene, COMPARED_PX)
     found = []
     for number, (candidate, find) in enumerate(seen, 1):
         if progress:
             progress("diagnose", number, f"{candidate.name}: {find.score:.2f}")
         if candidate.name == "as-predicted" or find.score >= max(worth, settings.least_score):
-            found.append(settled(candidate, find, pose, plain, scene, settings))
-    return found
-
-
-def families(
-    observation: Observation, pose: Pose, scene: Scene, settings: DiagnoseSettings
-) -> Iterator[list[Candidate]]:
-    """Candidates, by what they change; the predicted pose first."""
-    yield [Candidate("as-predicted", 1.0, observation, pose)]
-    others = without_others(observation, pose, scene)
-    if others:
-        yield [Candidate("other-body", 1.0, others.observation, pose)]
-    yield [Candidate("size", size, observation, pose.with_range_factor(1 / size)) for size in settings.sizes]
-    azimuths = sun_azimuth_deg(pose) + 360 * np.arange(settings.azimuths) / settings.azimuths
-    phases = (pose.phase_deg, *settings.phases_deg)
-    suns = [(azimuth, phase) for phase in phases for azimuth in azimuths]
-    yield [Candidate("sun", azimuth, observation, with_sun(pose, azimuth, phase)) for azimuth, phase in suns[1:]]
-    yield [Candidate("mirrored", 1.0, mirrored(observation), pose)]
-    for turn_deg in (90.0, 180.0, 270.0):
-        yield [Candidate("rolled", turn_deg, observation, rolled(pose, turn_deg))]
-    yield [Candidate("inverted", 1.0, replace(observation, image=-observation.image), pose)]
-
-
-def mirrored(observation: Observation) -> Observation:
-    """Left and right exchanged."""
-    image, noise, quality = observation.image, observation.noise, observation.quality
-    return Observation(image[:, ::-1].copy(), noise[:, ::-1].copy(), quality[:, ::-1].copy())
+            found.append(settled(candidate, find, pose, plain, scene, settings, compared))
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    places = int(observation.image.size / max(np.pi * radius**2, 1.0)) + 1
+    return Tried(found, sum(len(family) for family in all_families), places)
 
 
 def best_of(family: list[Candidate], scene: Scene, settings: DiagnoseSettings) -> tuple[Candidate, CoarseFind] | None:
@@ -137,9 +123,9 @@ def best_of(family: list[Candidate], scene: Scene, settings: DiagnoseSettings) -
         if not 4 <= radius <= 2 * np.hypot(*scene.camera.size_px):
             continue
         step = max(reduction_for(candidate.pose, scene, settings.diameter_px), frame_step(scene, radius, settings))
-        found.append(
-            (candidate, find_target(candidate.observation, candidate.pose, scene, MIN_OVERLAP, step, settings.clip_at))
-        )
+        seen = candidate.seen_by(scene)
+        find = find_target(candidate.observation, candidate.pose, seen, MIN_OVERLAP, step, settings.clip_at)
+        found.append((candidate, find))
     return max(found, key=lambda pair: pair[1].score, default=None)
 
 
@@ -156,51 +142,87 @@ def settled(
     plain: Scene,
     scene: Scene,
     settings: DiagnoseSettings,
+    compared: int,
 ) -> Explanation:
     """The candidate brought to rest on the limb, and how well it then explains the image."""
     n = reduction_for(found.pose, scene, settings.settle_px)
-    observation, plain, scene = (
-        reduced_observation(candidate.observation, n),
-        reduced_scene(plain, n),
-        reduced_scene(scene, n),
-    )
-    pose, fault = found.pose, None
-    coarse = plain.coarser(pose, ACROSS)
-    try:
-        pose = find_range_by_limb(observation, pose, coarse, SETTLING).pose
-    except FailedError as error:
-        fault = error.fault
+    observation = reduced_observation(candidate.observation, n)
+    small, mapped = reduced_scene(candidate.seen_by(plain), n), reduced_scene(candidate.seen_by(scene), n)
+    coarse = small.coarser(found.pose, ACROSS)
+    how = SETTLING if candidate.name in SIZED else SETTLING_AS_LARGE
+    pose, fault = at_rest(observation, found.pose, coarse, how)
+    if candidate.name == "sun" and fault is None:
+        pose, fault = with_sun_of_image(observation, pose, coarse)
     report = validate_limb(observation, pose, coarse, VALIDATE)
     radius, expected = (disk_radius_px(p, scene.camera, scene.target) for p in (pose, predicted))
+    markings, independent = markings_at(observation, pose, replace(coarse, basemap=mapped.basemap))
     return Explanation(
         candidate,
         pose,
         found.score,
         likeness_at(observation, pose, coarse),
-        markings_at(observation, pose, replace(coarse, basemap=scene.basemap)),
+        markings,
+        independent,
         radius / expected,
         None if report.robust_px is None else n * report.robust_px,
         report.points / report.tried if report.tried else 0.0,
         share_in_frame(pose, scene),
         fault,
+        fit_or_none(candidate, pose, plain, compared),
     )
 
 
-def markings_at(observation: Observation, pose: Pose, scene: Scene) -> float | None:
-    """Correlation (-1..1) of what image and map show inside the lit disk beyond outline and shading; None without a
-    map, or where too little of the disk is seen. A turn by some degrees lowers it, another face or a mirrored one
-    leaves nothing."""
-    if np.ptp(scene.basemap.albedo) == 0:
+def at_rest(
+    observation: Observation, pose: Pose, scene: Scene, how: LimbRangeSettings = SETTLING_AS_LARGE
+) -> tuple[Pose, str | None]:
+    """Centre and range by the limb; where it is not measured the centre by all pixels, and why."""
+    try:
+        return find_range_by_limb(observation, pose, scene, how).pose, None
+    except FailedError as error:
+        fault = error.fault
+    try:
+        return settle(observation, pose, scene, REGISTERING, None)[0], fault
+    except PlanetposeError:
+        return pose, fault
+
+
+def with_sun_of_image(observation: Observation, pose: Pose, scene: Scene) -> tuple[Pose, str | None]:
+    """The pose with the Sun where the shading has it, instead of at the nearest of those tried, and at rest on its
+    limb; as it was where that does not settle."""
+    sun = sun_in_image(observation, pose, scene)
+    if sun.azimuth_deg is None or sun.phase_deg is None:
+        return pose, None
+    moved, fault = at_rest(observation, with_sun_moved(pose, sun.azimuth_deg, sun.phase_deg), scene)
+    return (pose, None) if fault else (moved, None)
+
+
+def fit_or_none(candidate: Candidate, pose: Pose, scene: Scene, n: int) -> Fit | None:
+    """See `fit_of`."""
+    try:
+        return fit_of(candidate, candidate.observation, pose, scene, n)
+    except FailedError:
         return None
+
+
+def markings_at(observation: Observation, pose: Pose, scene: Scene) -> tuple[float | None, float]:
+    """Correlation (-1..1) of what image and map show inside the lit disk beyond outline and shading, and the number of
+    independent pixels that it rests on; None without a map, or where too little of the disk is seen. A turn by some
+    degrees lowers it, another face or a mirrored one leaves nothing."""
+    if np.ptp(scene.basemap.albedo) == 0:
+        return None, 0.0
     match = with_rim(observation, pose, scene)
     simulation = match.simulation
     inside = match.usable & (simulation.coverage > 0.99) & (simulation.lit > 0.99)
-    if np.count_nonzero(inside) < FEWEST_PIXELS:
-        return None
+    count = int(np.count_nonzero(inside))
+    if count < FEWEST_PIXELS:
+        return None, 0.0
     weight = np.where(inside, match.weight, 0).astype(np.float32)
     columns = brightness_columns(simulation.shading)
     left = []
     for picture in (match.image, simulation.image()):
         values, _, _ = robust_least_squares(columns, picture, weight)
-        left.append(picture - np.tensordot(values, columns, 1))
-    return correlation(left[0], left[1], inside)
+        left.append(np.where(inside, picture - np.tensordot(values, columns, 1), 0))
+    # Two smooth pictures agree by chance as far as their product's pixels go together.
+    block_px = max(2, round(2 * disk_radius_px(pose, match.scene.camera, scene.target) / BLOCKS_ACROSS))
+    independent = count / min(shared(each, block_px) for each in left)
+    return correlation(left[0], left[1], inside), independent

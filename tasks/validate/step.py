@@ -18,6 +18,7 @@ from tasks.simulate import Scene
 from tasks.step import StepType
 from tasks.stored import load_observation, save_arrays
 from tasks.validate import ValidateSettings, validate_limb
+from tasks.validate.blocks import blocks_of
 from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
 from tasks.validate.limb import LimbFigures, margin_px
 from tasks.validate.sun import SunReport, sun_in_image
@@ -57,11 +58,13 @@ class OrientationReport(Content):
 
 
 class ValidateResult(Content):
-    """limb: see `LimbReport`. sun: see `SunReport`. doubt: why the pose is doubtful, None when nothing says so."""
+    """limb: see `LimbReport`. sun: see `SunReport`. blocks: see `blocks_of`. doubt: why the pose is doubtful, None when
+    nothing says so."""
 
     limb: LimbFigures
     similarity: Similarity
     sun: SunReport
+    blocks: float | None
     dark_limb: PlainJson
     orientation: OrientationReport
     symmetry: PlainJson | None
@@ -69,7 +72,8 @@ class ValidateResult(Content):
 
 
 def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult:
-    """Limb, similarity, Sun and orientation under the corrected pose (see `validate_limb`, `sun_in_image`)."""
+    """Limb, similarity, Sun, orientation and blocks of a compression under the corrected pose (see `validate_limb`,
+    `sun_in_image`, `blocks_of`)."""
     observation, scene, pose = load_observation(files.image), scene_of(inputs.scene, files), inputs.pose
     report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
@@ -81,6 +85,7 @@ def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult
         limb=report.figures(),
         similarity=Similarity(before=before, after=plain(report.similarity)),
         sun=sun_in_image(observation, pose, scene),
+        blocks=blocks_of(observation),
         dark_limb=outside.to_dict(),
         orientation=oriented.report,
         symmetry=oriented.symmetry.to_dict() if oriented.symmetry else None,

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
@@ -19,6 +18,7 @@ from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
 from tasks.simulate.photometry import BASES
 from tasks.simulate.pixels import detect
+from tasks.simulate.suns import with_sun_moved
 from tasks.simulate.window import Window, disk_radius_px
 
 Array = NDArray[np.float64]
@@ -101,17 +101,6 @@ def _report(away: Array, covariance: Array, claimed: Pose, radius_px: float) -> 
         across_deg=float(away[0]) * wide,
         across_sigma_deg=float(sigma[0]) * wide,
     )
-
-
-def with_sun_moved(pose: Pose, azimuth_deg: float, phase_deg: float) -> Pose:
-    """Pose whose Sun is turned about the line of sight, from +x towards +y of the image, and away from the
-    spacecraft's direction."""
-    sight, sun = pose.target_from_spacecraft_km / pose.range_km, pose.sun_from_target_km
-    axis = np.cross(-sight, sun)
-    length = np.linalg.norm(axis)
-    farther = Rotation.from_rotvec(np.radians(phase_deg) * axis / length) if length > 0 else Rotation.identity()
-    about = Rotation.from_rotvec(np.radians(azimuth_deg) * sight)
-    return pose.replaced(sun_from_target_km=about.as_matrix() @ farther.as_matrix() @ sun)
 
 
 def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Pose, both: bool) -> tuple[Array, Array]:

@@ -5,6 +5,7 @@ A stub stands in for Prefect's server, which takes 5 to 15 s to start; everythin
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -211,3 +212,54 @@ def test_a_server_that_cannot_start_is_told_with_its_log(
     with pytest.raises(server.ServerError, match=r"server\.log"):
         ensure_server(files)
     assert "no database" in files.log.read_text()
+
+
+DEAF = """
+import socket, sys, time
+listener = socket.create_server(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])))
+kept = []
+while True:
+    kept.append(listener.accept())
+"""
+
+
+def test_a_server_that_listens_and_never_answers_ends_with_that_reason(
+    files: ServerFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from flows import server
+
+    (tmp_path / "stub" / "prefect" / "__main__.py").write_text(DEAF)
+    monkeypatch.setattr(server, "SILENT_S", 0.5)
+    monkeypatch.setattr(server, "HEALTH_TIMEOUT_S", 0.2)
+    with pytest.raises(server.ServerError, match=r"takes connections and has not answered.*server\.log"):
+        ensure_server(files)
+    wait_until(lambda: not is_held(files.alive_lock))  # it was stopped
+
+
+def test_what_is_waited_for_is_told_by_what_the_server_has_come_to(files: ServerFiles) -> None:
+    from flows.server import ServerRecord, waiting_for
+
+    assert "its first start takes" in waiting_for(files)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        url = f"http://127.0.0.1:{listener.getsockname()[1]}/api"
+        files.folder.mkdir(parents=True)
+        files.write(ServerRecord(url, 1, 1))
+        assert f"it listens at {url} and does not answer" in waiting_for(files)
+    assert f"it does not listen at {url} yet" in waiting_for(files)
+    assert str(files.log) in waiting_for(files)
+    files.record.unlink()
+
+
+def test_a_silence_lasts_from_when_a_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    from flows import reachable
+
+    moments = iter(range(100))
+    heard = {"listens": False}
+    monkeypatch.setattr(reachable, "listens", lambda _: heard["listens"])
+    silence = reachable.Silence(lambda: float(next(moments)))
+    assert silence.seconds(None) == silence.seconds("http://127.0.0.1:1/api") == 0.0
+    heard["listens"] = True
+    first, second = silence.seconds("http://127.0.0.1:1/api"), silence.seconds("http://127.0.0.1:1/api")
+    assert 0 < first < second
+    heard["listens"] = False
+    assert silence.seconds("http://127.0.0.1:1/api") == 0.0

@@ -18,8 +18,8 @@ from catalog.target import find_target
 from tasks.diagnose import DiagnoseSettings, tried
 from tasks.diagnose.judging import diagnosis_of, incomplete_frame
 from tasks.diagnose.others import without_others
-from tasks.diagnose.suns import angle_between_suns_deg, sun_azimuth_deg, with_sun
 from tasks.simulate import Scene, SceneSettings
+from tasks.simulate.suns import sun_azimuth_deg, with_sun
 
 EUROPA = find_target("europa")
 VIEW: dict[str, Any] = {"above_deg": (250, 5), "sun_deg": (290, 3), "roll_deg": 20}
@@ -62,9 +62,9 @@ def observed(image: np.ndarray) -> Observation:
 def test_what_explains_a_hostile_image_is_the_cause_that_was_planted(name: str, code: str) -> None:
     (hostile,) = chosen(name)
     scene, observation = scene_of(hostile), observed(hostile.image)
-    found = tried(observation, hostile.pose, scene, SETTINGS)
-    diagnosis = diagnosis_of(found, hostile.pose, scene, SETTINGS)
-    print([(e.candidate.name, round(e.likeness, 3), e.limb_px, e.size) for e in found], diagnosis)
+    seen = tried(observation, hostile.pose, scene, SETTINGS)
+    diagnosis = diagnosis_of(seen, hostile.pose, scene, SETTINGS)
+    print([(e.candidate.name, round(e.likeness, 3), e.limb_px, e.size) for e in seen.found], diagnosis)
     assert diagnosis is not None
     assert diagnosis.code == code
     assert diagnosis.fault.endswith(".")
@@ -93,7 +93,6 @@ def test_a_sun_is_where_it_was_put(azimuth_deg: float, phase_deg: float) -> None
     pose = with_sun(TRUTH, azimuth_deg, phase_deg)
     assert pose.phase_deg == pytest.approx(phase_deg, abs=1e-6)
     assert (sun_azimuth_deg(pose) - azimuth_deg + 180) % 360 - 180 == pytest.approx(0, abs=1e-6)
-    assert angle_between_suns_deg(pose, with_sun(TRUTH, azimuth_deg, phase_deg + 20)) == pytest.approx(20, abs=1e-6)
 
 
 @pytest.mark.parametrize("gap_px", [6.0, 20.0])

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import NOISE_DN, PEAK_DN, SKY_DN, clean_image, observed, scene_of, small_camera, true_pose
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.occulted import continued, light_behind
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.paper.small_world import NOISE_DN, PEAK_DN, SKY_DN, clean_image, observed, scene_of, small_camera, true_pose
 from tasks.point import PointSettings, find_pointing
 from tasks.point.in_front import evidence, hidden_scores
-from tasks.simulate.plant import planted, pose_error
 from tasks.simulate.window import Window
 
 CAMERA = small_camera(diameter_px=60)

@@ -10,7 +10,8 @@ from lab.simulate.plant import planted
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.accept.judgement import doubtful_sun
 from tasks.accept.settings import AcceptSettings
-from tasks.validate.sun import SunReport, sun_in_image, with_sun_moved
+from tasks.simulate.suns import with_sun_moved
+from tasks.validate.sun import SunReport, sun_in_image
 
 CAMERA = small_camera(80.0, (120, 116)).model_copy(update={"centre_px": (59.5, 57.5)})
 

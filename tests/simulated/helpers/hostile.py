@@ -40,21 +40,26 @@ NAMED = {
     "map": r"markings|base map|map-does-not-match",
     "saturated": r"saturated",
     "empty": r"nothing in the frame looks like|target-not-found",
-    "outside": r"nothing in the frame looks like|of it would be in the frame|target-not-found|nowhere on usable",
+    "outside": r"edge of the frame|nothing in the frame looks like|would be in the frame|target-not-found|nowhere on",
     "behind": r"behind the camera",
     "small": r"disk-too-small|only [\d.]+ px wide",
     "large": r"no-limb",
     "other body": r"another bright body|another body",
-    "lines": r"pixels are missing",
+    "lines": r"pixels are missing|on missing or flagged pixels",
     "specks": r"$^",
-    "blur": r"blurred",
+    "blur": r"blurred|smeared",
+    "faint": r"faint|nothing in the frame looks like",
+    "masked": r"mask",
+    "shadow": r"shadow",
+    "stray light": r"stray light",
+    "blocks": r"blocks|compress",
 }
 
 
 @dataclass(frozen=True)
 class Hostile:
     """image (ny, nx), the pose file's pose and the camera file's camera; cause: a key of NAMED. truth: of the picture,
-    None where there is nothing to be right about."""
+    None where there is nothing to be right about. mask: (ny, nx), given with --mask."""
 
     name: str
     cause: str
@@ -63,6 +68,7 @@ class Hostile:
     camera: Camera = CAMERA
     target: str = "europa"
     truth: Pose | None = None
+    mask: np.ndarray | None = None
 
 
 def wrong(pose: Pose, offset_px: tuple[float, float] = (9.0, -6.0), factor: float = 1.002) -> Pose:
@@ -177,9 +183,12 @@ def corrected(scene: Hostile, folder: Path, **asked: Any) -> dict[str, Any]:
     fits.writeto(folder / f"{scene.name}.fits", scene.image.astype(np.float32), overwrite=True)
     write_pose_file(scene.pose, folder / f"{scene.name}.json")
     camera = folder / f"{scene.name}.toml"
-    x, y = scene.camera.centre_px
+    (nx, ny), (x, y) = scene.camera.size_px, scene.camera.centre_px
+    if scene.mask is not None:
+        asked["mask"] = folder / f"{scene.name}.mask.fits"
+        fits.writeto(asked["mask"], scene.mask.astype(np.uint8), overwrite=True)
     camera.write_text(
-        f'name = "hostile"\nsize_px = [{SIDE}, {SIDE}]\ncentre_px = [{x}, {y}]\n'
+        f'name = "hostile"\nsize_px = [{nx}, {ny}]\ncentre_px = [{x}, {y}]\n'
         f"focal_length_px = {scene.camera.focal_length_px}\n"
     )
     request = Request(
@@ -200,7 +209,7 @@ def off_px(scene: Hostile, result: dict[str, Any]) -> float | None:
     """Pixels between the found centre and the true one."""
     if scene.truth is None or result["centre_px"] is None:
         return None
-    true = CAMERA.project(scene.truth.target_in_camera_km)
+    true = scene.camera.project(scene.truth.target_in_camera_km)
     return float(np.hypot(*(np.array(result["centre_px"]) - true)))
 
 

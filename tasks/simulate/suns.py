@@ -31,8 +31,7 @@ def with_sun(pose: Pose, azimuth_deg: float, phase_deg: float) -> Pose:
     return pose.replaced(sun_from_target_km=pose.camera_from_j2000.T @ sun * distance)
 
 
-def angle_between_suns_deg(a: Pose, b: Pose) -> float:
-    """Angle between two poses' directions of the Sun, as the picture shows them."""
-    first, second = (axes_of(p) @ p.camera_from_j2000 @ p.sun_from_target_km for p in (a, b))
-    cosine = first @ second / np.linalg.norm(first) / np.linalg.norm(second)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+def with_sun_moved(pose: Pose, azimuth_deg: float, phase_deg: float) -> Pose:
+    """Pose whose Sun is turned about the line of sight, from +x towards +y of the image, and away from the
+    spacecraft's direction."""
+    return with_sun(pose, sun_azimuth_deg(pose) + azimuth_deg, pose.phase_deg + phase_deg)
