@@ -12,6 +12,7 @@ from pathlib import Path
 from catalog.errors import FailedError, PlanetposeError
 from flows.chain import Chain
 from flows.request import Request
+from flows.verdict import CONSEQUENCES, code_of, doubts
 from tasks.atomic import folder_put_in_place
 from tasks.correcting import Known
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
@@ -41,16 +42,29 @@ def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFil
     corrections began."""
     if error.code == "interrupted":
         return error
-    asked = DiagnoseInputs(
+    asked = diagnose_inputs(chain, known, error.reason, error.code in EXAMINED)
+    found = chain.do(DIAGNOSE, asked, files).result.diagnosis
+    return FailedError(found.code, found.fault, found.remedy) if found else error
+
+
+def explain_doubts(chain: Chain, known: Known, files: SceneFiles) -> None:
+    """Where all that speaks against a corrected pose may be the consequence of something else, look for that cause:
+    `doubts` then tells it first."""
+    found = doubts(chain)
+    if found and all(code_of(doubt) in CONSEQUENCES for doubt in found):
+        chain.do(DIAGNOSE, diagnose_inputs(chain, known, found[0], True), files)
+
+
+def diagnose_inputs(chain: Chain, known: Known, reason: str, try_explanations: bool) -> DiagnoseInputs:
+    """For the step `diagnose`."""
+    return DiagnoseInputs(
         scene=known.scene,
         pose=known.predicted,
         product=chain.request.product,
-        reason=error.reason,
-        try_explanations=error.code in EXAMINED,
+        reason=reason,
+        try_explanations=try_explanations,
         settings=chain.request.profile.diagnose,
     )
-    found = chain.do(DIAGNOSE, asked, files).result.diagnosis
-    return FailedError(found.code, found.fault, found.remedy) if found else error
 
 
 def without_cause(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
-from flows.diagnosis import diagnose, failed_without, forget, without_cause
+from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
 from flows.guidance import is_started_elsewhere
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
@@ -68,7 +68,9 @@ def corrected_or_explained(chain: Chain, start: Corrected) -> Corrected:
     """`corrected_pose`; where it fails, the cause is looked for, and where that is the base map or another body, it is
     done without."""
     try:
-        return corrected_pose(chain, start)
+        corrected = corrected_pose(chain, start)
+        explain_doubts(chain, start.known, start.files)
+        return corrected
     except PlanetposeError as error:
         cause = diagnose(chain, error, start.known, start.files)
         other = without_cause(chain, cause, start.known, start.files)
