@@ -14,7 +14,7 @@ from tasks.accept.judgement import (
     is_about_orientation,
 )
 from tasks.diagnose.telling import MAP
-from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, VALIDATE
+from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
 CONSEQUENCES = (
@@ -34,8 +34,12 @@ def doubts(chain: Chain) -> list[str]:
     """
     last = {done.step.kind.name: done.result for done in chain.done.values()}
     judged, accept = chain.last(VALIDATE), chain.request.profile.accept
-    superseded = {ATTITUDE.name} if judged and is_about_orientation(judged.result.orientation) else set()
+    superseded = {POINT.name}
+    if judged and is_about_orientation(judged.result.orientation):
+        superseded.add(ATTITUDE.name)
     found = [result.doubt for name, result in last.items() if name in CORRECTIONS and name not in superseded]
+    if not (judged and judged.result.orientation.verdict == "matched"):  # the markings say which body it is
+        found += [result.doubt for result in chain.of_kind(POINT).values()]
     diagnosed = chain.last(DIAGNOSE)
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)

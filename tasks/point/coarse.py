@@ -19,11 +19,13 @@ ALLOWANCE = 1.25
 @dataclass(frozen=True)
 class CoarseFind:
     """pose: pointed so that the target falls where it was found. score: correlation there, -1..1. step_px: resolution
-    of the search."""
+    of the search. next_best: pointed so that it falls where it fits best at least its own diameter away; None where
+    there is no such place."""
 
     pose: Pose
     score: float
     step_px: int
+    next_best: Pose | None = None
 
 
 def find_target(
@@ -63,11 +65,20 @@ def find_target(
         axes=(0, 1),
         overlap_ratio=min_overlap,
     )
-    row, column = np.unravel_index(int(np.argmax(correlation)), correlation.shape)
-    # In "full" mode, index 0 puts the template's last cell on the image's first.
-    top_left = np.array([column - template.shape[1] + 1, row - template.shape[0] + 1])
-    found = frame_centre + top_left - np.array([window.x0, window.y0])
-    return CoarseFind(pose_pointed_at(pose, scene.camera, found), float(correlation[row, column]), n)
+
+    def pointed(row: int, column: int) -> Pose:
+        # In "full" mode, index 0 puts the template's last cell on the image's first.
+        top_left = np.array([column - template.shape[1] + 1, row - template.shape[0] + 1])
+        return pose_pointed_at(pose, scene.camera, frame_centre + top_left - np.array([window.x0, window.y0]))
+
+    row, column = (int(each) for each in np.unravel_index(int(np.argmax(correlation)), correlation.shape))
+    rows, columns = np.indices(correlation.shape)
+    apart = np.hypot(rows - row, columns - column) > 2 * disk_radius_px(centred, scene.camera, scene.target)
+    next_best = None
+    if apart.any():
+        other = int(np.argmax(np.where(apart, correlation, -np.inf)))
+        next_best = pointed(*(int(each) for each in np.unravel_index(other, correlation.shape)))
+    return CoarseFind(pointed(row, column), float(correlation[row, column]), n, next_best)
 
 
 def centred_window(pose: Pose, scene: Scene) -> Window:

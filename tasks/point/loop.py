@@ -1,6 +1,7 @@
 """Point: register image and simulation, turn the camera, render again, until nothing moves (paper, figure 5)."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -34,7 +35,9 @@ class PointSettings(BaseModel):
     """coarse: search the whole frame first. diameter_px: larger disks are settled at reduced resolution.
     stop_px: a smaller move ends the loop. rest_px: so does going to and fro within so much of the middle of the way, or
     within the registration's own error; the middle is then taken, and the scatter added to the uncertainty.
-    min_score, min_correlation: below these the target counts as not found."""
+    min_score, min_correlation: below these the target counts as not found. rival_likeness: where the
+    target fits elsewhere in the frame, too, with this correlation or more, the place is in doubt (measured on disks
+    0.8-1.3 times as wide as the target's: 0.90-0.99)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     registration: RegistrationName = "least-squares"
@@ -46,6 +49,7 @@ class PointSettings(BaseModel):
     min_overlap: float = Field(0.25, gt=0, le=1)
     min_score: float = Field(0.4, ge=-1, le=1)
     min_correlation: float = Field(0.6, ge=-1, le=1)
+    rival_likeness: float = Field(0.85, ge=0, le=1)
 
 
 def refuse_without_limb(pose: Pose, scene: Scene) -> None:
@@ -97,7 +101,7 @@ def find_pointing(
     refuse_without_limb(pose, scene)
     refuse_saturated(observation)
     evidence: dict[str, Any] = {}
-    start = pose
+    start, rival = pose, None
     if settings.coarse:
         found = searched(observation, pose, scene, settings.min_overlap)
         evidence["coarse"] = {"score": found.score, "step_px": found.step_px}
@@ -108,7 +112,7 @@ def find_pointing(
                 f"needed {settings.min_score}).",
                 "Check target, range, Sun direction and base map; an empty, saturated or cut-off frame gives this too.",
             )
-        start = found.pose
+        start, rival = found.pose, found.next_best
         if progress:
             progress("point", 0, f"coarse search: correlation {found.score:.3f}")
     # The limb's edges want all their pixels.
@@ -133,6 +137,8 @@ def find_pointing(
             f"(needed {settings.min_correlation}; negative: the target would be darker than the sky).",
             "Check target, range, Sun direction and base map.",
         )
+    if rival is not None and (doubt := doubt_of_rival(observation, settled, rival, alike, scene, settings)):
+        evidence["doubt"] = doubt
     offset = scene.camera.project(settled.target_in_camera_km) - predicted_centre(pose, scene)
     if rest is not None:
         evidence["scatter_px"] = (n * rest.scatter).tolist()
@@ -157,6 +163,32 @@ def searched(observation: Observation, pose: Pose, scene: Scene, min_overlap: fl
         return found
     alike, alike_in_front = (likeness_at(observation, find.pose, scene) for find in (found, in_front))
     return in_front if alike_in_front > alike else found
+
+
+def doubt_of_rival(
+    observation: Observation, found: Pose, rival: Pose, alike: float, scene: Scene, settings: PointSettings
+) -> str | None:
+    """The doubt that another place raises where the target fits nearly as well, now that it is known what is where it
+    was found. alike: likeness there."""
+    there = likeness_at(without_disk(observation, found, scene), rival, scene)
+    if there < settings.rival_likeness:
+        return None
+    x, y = predicted_centre(rival, scene)
+    return (
+        f"fits-elsewhere: {scene.target.name} fits nearly as well at ({x:.0f}, {y:.0f}): image and simulation "
+        f"correlate by {there:.2f} there and by {alike:.2f} where it was found. Mask what is another body (--mask), or "
+        "say where the target is (--start-offset)."
+    )
+
+
+def without_disk(observation: Observation, pose: Pose, scene: Scene) -> Observation:
+    """The observation with the target's disk masked, and what its blur reaches."""
+    x, y = predicted_centre(pose, scene)
+    reach = disk_radius_px(pose, scene.camera, scene.target) + 4 * max(scene.camera.psf_sigma_px, 1.0)
+    rows, columns = np.indices(observation.image.shape)
+    covered = np.hypot(columns - x, rows - y) < reach
+    quality = np.where(covered, observation.quality | np.uint16(Quality.MASKED_BY_USER), observation.quality)
+    return replace(observation, quality=quality.astype(np.uint16))
 
 
 def sigma_px(shift: Shift, rest: Rest | None, n: int) -> list[float] | None:
