@@ -20,7 +20,8 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, line_of, solve_joint
-from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic
+from tasks.joint.tiles import limb_gain
+from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -66,7 +67,7 @@ def is_uniform(scene: Scene) -> bool:
 
 def without_markings(settings: JointSettings) -> JointSettings:
     """Settings for a target without a map: shape and shading alone, its attitude held."""
-    return with_attitude_held(settings).model_copy(update={"plain": ()})
+    return with_attitude_held(settings).model_copy(update={"mapped": settings.unmapped, "plain": ()})
 
 
 def with_attitude_held(settings: JointSettings) -> JointSettings:
@@ -114,22 +115,23 @@ def estimated(
     free = solved_at(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
     state = scale.up(free.state)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
+    usual, blur = settings.systematic, state.width_px / scene.psf_sigma_px if scene.psf_sigma_px > 0 else 1.0
+    larger = times_usual(usual, blur, limb_gain(free.fit, free.trust.tiles, free.model.tiles.sectors, settings.tiles))
     bending, of_bending = None, np.zeros((len(NAMES), len(NAMES)))
     if distortion.bending is not None:
-        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px, settings.systematic.limb_px)
+        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px, usual.limb_px * larger)
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
     # Per pixel of the image, in its pixels.
     response = np.diag(scale.step_up(np.ones(len(NAMES)))) @ limb_response(free) / scale.n
-    blur = max(1.0, state.width_px / scene.psf_sigma_px) if scene.psf_sigma_px > 0 else 1.0
-    own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
+    own = scale.covariance_up(shown) + systematic(usual, radius, larger=larger)
     common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, scale))
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)
     by_detector = scale.step_up(linearity.moved)
     common += np.outer(by_detector, by_detector)
-    common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
+    common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
