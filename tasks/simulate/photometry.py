@@ -53,7 +53,7 @@ def _minnaert_half(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: A
 def _minnaert_three_quarters(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
     """The same with k = 3/4: with k = 1/2 and Lambert's k = 1, exponents between come out right to 0.3 %."""
     root = np.sqrt(mu0)
-    return root * np.sqrt(root) / np.sqrt(np.sqrt(np.maximum(mu, LEAST_COSINE)))
+    return np.asarray(root * np.sqrt(root) / np.sqrt(np.sqrt(np.maximum(mu, LEAST_COSINE))), np.float32)
 
 
 def akimov(mu0: Array, mu: Array, phase_deg: float) -> Array:
