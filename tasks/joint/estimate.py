@@ -67,7 +67,7 @@ def is_uniform(scene: Scene) -> bool:
 
 def without_markings(settings: JointSettings) -> JointSettings:
     """Settings for a target without a map: shape and shading alone, its attitude held."""
-    return with_attitude_held(settings).model_copy(update={"mapped": settings.unmapped, "plain": ()})
+    return with_attitude_held(settings).model_copy(update={"plain": ()})
 
 
 def with_attitude_held(settings: JointSettings) -> JointSettings:

@@ -112,8 +112,7 @@ class SmearSettings(BaseModel):
 
 class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
-    markings; they set the map's contrast. unmapped: laws of a target without a map: fewer, because they would take
-    markings for shading. law_weight: how large, relative to the picture's brightness, a law's weight
+    markings; they set the map's contrast. law_weight: how large, relative to the picture's brightness, a law's weight
     is believed to be, so that they do not cancel each other. tiles: local errors of map and laws. wings_px: widths
     of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold. smear:
     exposures during which the boresight drifted.
@@ -128,13 +127,9 @@ class JointSettings(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[Law, ...] = Field(
-        ("lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half", "minnaert-three-quarters", "akimov"),
-        min_length=1,
-    )
-    plain: tuple[Law, ...] = ("lambert", "lommel-seeliger")
-    unmapped: tuple[Law, ...] = Field(
         ("lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half"), min_length=1
     )
+    plain: tuple[Law, ...] = ("lambert", "lommel-seeliger")
     law_weight: float = Field(3.0, gt=0)
     tiles: TileSettings = TileSettings()
     wings_px: tuple[float, ...] = (3.0, 10.0)
