@@ -13,6 +13,7 @@ from catalog.observation import Observation
 from tasks.joint.bending import Bending, DistortionError, told_by_disk
 from tasks.joint.blur import blurred_start
 from tasks.joint.contradiction import chi_square, growth_of
+from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.limb_response import limb_response
 from tasks.joint.limb_seen import shown_by
 from tasks.joint.linearity import Linearity, linearity_of
@@ -47,7 +48,8 @@ class Estimate:
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
     these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body.
     bending: what the disk told of it; the states are those of the image without it. None where none is known.
-    linearity: what the disk told of the detector."""
+    linearity: what the disk told of the detector. displacement: what limb and markings told of a distortion; None where
+    its error is known beforehand."""
 
     free: Solution
     shown: Array
@@ -58,6 +60,7 @@ class Estimate:
     common: Array
     bending: Bending | None = None
     linearity: Linearity | None = None
+    displacement: Displacement | None = None
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -119,7 +122,7 @@ def estimated(
     larger = times_usual(usual, blur, limb_gain(free.fit, free.trust.tiles, free.model.tiles.sectors, settings.tiles))
     bending, of_bending = None, np.zeros((len(NAMES), len(NAMES)))
     if distortion.bending is not None:
-        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px, usual.limb_px * larger)
+        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px)
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
@@ -131,11 +134,17 @@ def estimated(
     linearity = linearity_of(free)
     by_detector = scale.step_up(linearity.moved)
     common += np.outer(by_detector, by_detector)
+    # Where a distortion model tells its own error, that is in the errors already.
+    untold = distortion.bending is None and distortion.smooth_px == 0
+    displacement = displacement_shown(free) if untold else None
+    if displacement:
+        by_displacement = scale.step_up(displacement.moved)
+        common += np.outer(by_displacement, by_displacement)
     common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
-    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity)
+    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity, displacement)
     return weighed(estimate, metadata, sigmas, scene.camera)
 
 
