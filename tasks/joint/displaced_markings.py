@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 # 1-sigma, pixels at the limb, of what optics displace beyond what their camera's file says.
 EXPECTED_PX = 0.3
 # Chance of a displacement that is not one, and the least RMS that counts, pixels: maps and laws feign some (measured:
-# on ten of six laws never both; with a distortion of 0.3 px RMS 0.22 px, chi-square 144 and 225).
+# on nine images of six laws never both; with a distortion of 0.3 px RMS 0.22 px, chi-square 144 and 225).
 CHANCE, LEAST_PX = 1e-6, 0.15
 # Pixels that the blurred disk covers by more.
 LEAST_COVER = 0.003
