@@ -23,9 +23,9 @@ Array = NDArray[np.float64]
 
 # 1-sigma, pixels at the limb, of what optics displace beyond what their camera's file says.
 EXPECTED_PX = 0.3
-# Chance of a displacement that is not one, and the least RMS that counts, pixels: maps and laws feign some (measured:
-# on nine images of six laws never both; with a distortion of 0.3 px RMS 0.22 px, chi-square 144 and 225).
-CHANCE, LEAST_PX = 1e-6, 0.15
+# Chance of a displacement that is not one; maps and laws feign small ones (measured: on nine images of six laws never
+# one both less probable and above 0.15 px RMS; a distortion of 0.3 px RMS shows as 0.22 px, chi-square 144 and 225).
+CHANCE = 1e-6
 # Pixels that the blurred disk covers by more.
 LEAST_COVER = 0.003
 
@@ -33,16 +33,17 @@ LEAST_COVER = 0.003
 @dataclass(frozen=True)
 class Displacement:
     """chi_square: of the terms found. rms_px: of the displacement over the disk, in the solution's pixels. response:
-    (8,) what the solution moves by under it."""
+    (8,) what the solution moves by under it. least_px: what counts."""
 
     chi_square: float
     rms_px: float
     response: Array
+    least_px: float
 
     @property
     def is_shown(self) -> bool:
         """Whether there is more than chance gives."""
-        return self.rms_px > LEAST_PX and self.chi_square > chi_square(TERMS, CHANCE)
+        return self.rms_px > self.least_px and self.chi_square > chi_square(TERMS, CHANCE)
 
     @property
     def moved(self) -> Array:
@@ -64,7 +65,7 @@ def terms(x: Array, y: Array) -> list[tuple[Array, Array]]:
 TERMS = 8
 
 
-def displacement_shown(solution: Solution) -> Displacement:
+def displacement_shown(solution: Solution, least_px: float) -> Displacement:
     """The displacement by the solution's last linear problem, all its unknowns solved along."""
     model, problem = solution.model, solution.problem
     y, x = np.indices(model.window.shape, dtype=np.float64)
@@ -76,7 +77,7 @@ def displacement_shown(solution: Solution) -> Displacement:
     along = terms(x, y)
     per_x, per_y = problem.columns[-len(NAMES) :][OFFSET]
     if not (per_x.any() and per_y.any()):
-        return Displacement(0.0, 0.0, np.zeros(len(NAMES)))
+        return Displacement(0.0, 0.0, np.zeros(len(NAMES)), least_px)
     columns = np.stack([per_x * u + per_y * v for u, v in along]).astype(np.float32)
     wider = replace(
         problem,
@@ -90,4 +91,5 @@ def displacement_shown(solution: Solution) -> Displacement:
     squares = float(strength @ np.linalg.pinv(covariance, hermitian=True) @ strength)
     total = [sum(s * field[axis][inside] for s, field in zip(strength, along, strict=True)) for axis in (0, 1)]
     rms_px = float(np.sqrt(np.mean(np.square(total)) * 2)) if inside.any() else 0.0
-    return Displacement(squares, rms_px, response_to(solution, np.tensordot(np.float32(strength), columns, 1)))
+    response = response_to(solution, np.tensordot(np.float32(strength), columns, 1))
+    return Displacement(squares, rms_px, response, least_px)

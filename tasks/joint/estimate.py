@@ -136,7 +136,8 @@ def estimated(
     common += np.outer(by_detector, by_detector)
     # Where a distortion model tells its own error, that is in the errors already.
     untold = distortion.bending is None and distortion.smooth_px == 0
-    displacement = displacement_shown(free) if untold else None
+    least_px = settings.displaced_px
+    displacement = displacement_shown(free, least_px) if untold and least_px is not None else None
     if displacement:
         by_displacement = scale.step_up(displacement.moved)
         common += np.outer(by_displacement, by_displacement)

@@ -9,7 +9,7 @@ from tasks.joint.bending import DistortionError
 from tasks.paper.small_world import clean_image, observed, scene_of, small_camera, true_pose
 from tasks.simulate.plant import pose_error
 
-ONCE = JointSettings(second_start=False)
+ONCE = JointSettings(second_start=False, displaced_px=0.15)
 RADIUS_PX, SIDE = 60.0, 170
 
 
