@@ -127,6 +127,7 @@ def as_correction(
         "smear": smear_of(estimate.state),
         "bending": told_of(estimate.bending),
         "detector": estimate.linearity.to_dict() if estimate.linearity else None,
+        "displacement": estimate.displacement.to_dict() if estimate.displacement else None,
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
         "orientation": orientation.to_dict() if orientation else None,
     }

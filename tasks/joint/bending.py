@@ -25,6 +25,9 @@ FREE = 1e3
 # Disk and marks that differ by more of their common sigmas tell of something else: a range held where it is not, say.
 # Where one of the simulated images told a bending they differ by 3.3 at most.
 CONTRADICTION = 4.0
+# By how much, pixels, 1-sigma, map and laws may displace a limb without a trace in the residuals, for what is to be
+# believed of a bending.
+FEIGNED_PX = 0.05
 
 
 @dataclass(frozen=True)
@@ -48,12 +51,11 @@ class Bending:
     moved_px: float = 0.0
 
 
-def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: float | None, limb_px: float) -> Bending:
+def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: float | None) -> Bending:
     """Strength of the bending from the solution's last linear problem, with the marks' as a prior of 1-sigma.
 
     scale: the solution's. planes: (2, ny, nx) as in `DistortionError`. least_px: smaller displacements (RMS over the
-    disk) are left alone; None: all. limb_px: by how much, 1-sigma, map and laws may displace a limb without a trace in
-    the residuals. All pixels are the image's.
+    disk) are left alone; None: all. All pixels are the image's.
     """
     along = _over_window(solution, scale.planes_down(planes))
     column = _column(solution, along)
@@ -69,7 +71,7 @@ def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: flo
         expected=np.concatenate([[0.0], solution.problem.expected]),
     )
     fit = solve(problem, solution.fit.weight)
-    variance = float(covariance_of_all(problem, fit)[0, 0]) + (limb_px / per_sigma_px) ** 2
+    variance = float(covariance_of_all(problem, fit)[0, 0]) + (FEIGNED_PX / per_sigma_px) ** 2
     strength = float(fit.values[0]) / (1 + variance)
     moved_px = abs(strength) * per_sigma_px
     contradicts = abs(float(fit.values[0])) > CONTRADICTION * np.sqrt(1 + variance)

@@ -13,6 +13,7 @@ from catalog.observation import Observation
 from tasks.joint.bending import Bending, DistortionError, told_by_disk
 from tasks.joint.blur import blurred_start
 from tasks.joint.contradiction import chi_square, growth_of
+from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.limb_response import limb_response
 from tasks.joint.limb_seen import shown_by
 from tasks.joint.linearity import Linearity, linearity_of
@@ -20,7 +21,8 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, line_of, solve_joint
-from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic
+from tasks.joint.tiles import limb_gain
+from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -46,7 +48,8 @@ class Estimate:
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
     these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body.
     bending: what the disk told of it; the states are those of the image without it. None where none is known.
-    linearity: what the disk told of the detector."""
+    linearity: what the disk told of the detector. displacement: what limb and markings told of a distortion; None where
+    its error is known beforehand."""
 
     free: Solution
     shown: Array
@@ -57,6 +60,7 @@ class Estimate:
     common: Array
     bending: Bending | None = None
     linearity: Linearity | None = None
+    displacement: Displacement | None = None
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -114,26 +118,34 @@ def estimated(
     free = solved_at(scale, scale.up(near.state), metadata, fine, free_range, progress, near)
     state = scale.up(free.state)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
+    usual, blur = settings.systematic, state.width_px / scene.psf_sigma_px if scene.psf_sigma_px > 0 else 1.0
+    larger = times_usual(usual, blur, limb_gain(free.fit, free.trust.tiles, free.model.tiles.sectors, settings.tiles))
     bending, of_bending = None, np.zeros((len(NAMES), len(NAMES)))
     if distortion.bending is not None:
-        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px, settings.systematic.limb_px)
+        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px)
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
     # Per pixel of the image, in its pixels.
     response = np.diag(scale.step_up(np.ones(len(NAMES)))) @ limb_response(free) / scale.n
-    blur = max(1.0, state.width_px / scene.psf_sigma_px) if scene.psf_sigma_px > 0 else 1.0
-    own = scale.covariance_up(shown) + systematic(settings.systematic, radius, blur=blur)
+    own = scale.covariance_up(shown) + systematic(usual, radius, larger=larger)
     common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, scale))
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)
     by_detector = scale.step_up(linearity.moved)
     common += np.outer(by_detector, by_detector)
-    common += systematic(settings.systematic, radius, distortion.smooth_px) - systematic(settings.systematic, radius)
+    # Where a distortion model tells its own error, that is in the errors already.
+    untold = distortion.bending is None and distortion.smooth_px == 0
+    least_px = settings.displaced_px
+    displacement = displacement_shown(free, least_px) if untold and least_px is not None else None
+    if displacement:
+        by_displacement = scale.step_up(displacement.moved)
+        common += np.outer(by_displacement, by_displacement)
+    common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
-    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity)
+    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity, displacement)
     return weighed(estimate, metadata, sigmas, scene.camera)
 
 

@@ -133,6 +133,18 @@ def learned_prior(fit: "Fit", before: NDArray, sectors: int, settings: TileSetti
     return prior
 
 
+def limb_gain(fit: "Fit", before: NDArray, sectors: int, settings: TileSettings) -> float:
+    """RMS of the gains of the sectors along the limb in a fit with the inverse variances `before` (tiles, LOCAL),
+    beyond what noise makes them: what map and laws get wrong of the limb's brightness, relative. 0 where the image
+    tells too few of them."""
+    known = np.flatnonzero(fit.told[:sectors] > SEEN / max(settings.gain, HELD) ** 2)
+    if len(known) < FEWEST:
+        return 0.0
+    own, variance = fit.own[known, 0], fit.own_covariance[known, 0, 0]
+    by_noise = variance * (1 - variance * before[known, 0])
+    return float(np.sqrt(max(np.mean(own**2 - by_noise), 0.0)))
+
+
 def first_prior(count: int, settings: TileSettings) -> NDArray[np.float64]:
     """Inverse variances (tiles, LOCAL) before anything is known."""
     sigma = np.maximum(settings.sigmas, HELD)

@@ -18,6 +18,9 @@ MOVING = len(NAMES)
 SKY_TILE_PX = 16
 # What a map gets wrong reaches over so many tiles.
 NEIGHBOURS = 4
+# Residuals are smaller than errors by what the unknowns took up of them, at most by this share: of a small disk's few
+# groups of tiles they take all, and their number tells no correction; independent pixels' errors are larger then.
+MOST_LOST = 0.5
 # How many parts of the lit limb rise and fall on their own, for relief coherent over some 20 degrees.
 INDEPENDENT_LIMBS = 9
 
@@ -32,8 +35,8 @@ def covariance_of_all(problem: Problem, fit: Fit) -> Array:
     (cluster-robust sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
     scores = _scores(problem, fit)
-    count, size = len(scores), len(fit.values)
-    shrink = count / max(count - size, 1)
+    count = len(scores)
+    shrink = count / (count - min(len(fit.values), MOST_LOST * count))
     meat = shrink * scores.T @ scores + np.diag(problem.prior)
     sandwich = bread @ meat @ bread
     # Never less than what independent pixels of the stated weight would give.
@@ -56,17 +59,27 @@ def _scores(problem: Problem, fit: Fit) -> Array:
     return kept[np.any(kept != 0, axis=1)]
 
 
-def systematic(settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0, blur: float = 1.0) -> Array:
+def systematic(
+    settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0, larger: float = 1.0
+) -> Array:
     """Variances (8, 8) that are added for what the residuals cannot show. distortion_px: 1-sigma of the distortion
-    model near the disk. blur: width of the image's PSF, a trail included, over the camera's; what map and laws displace
-    grows with it (measured: 0.19 px of the centre at 5 px, 0.03 px at 0.9 px)."""
+    model near the disk. larger: how many times larger the errors of centre and range are than those of a usual map and
+    PSF (see `times_usual`)."""
     shared_px = settings.distortion_share * distortion_px
     sigma = np.zeros(MOVING)
-    sigma[OFFSET] = np.hypot(settings.centre_px * blur, shared_px)
-    sigma[RANGE] = np.hypot(settings.limb_px * blur, shared_px) / radius_px
+    sigma[OFFSET] = np.hypot(settings.centre_px * larger, shared_px)
+    sigma[RANGE] = np.hypot(settings.limb_px * larger, shared_px) / radius_px
     sigma[ATTITUDE] = np.hypot(settings.attitude_deg, settings.map_frame_deg)
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
+
+
+def times_usual(settings: SystematicSettings, blur: float, limb_gain: float) -> float:
+    """How many times larger than usual the systematic errors of centre and range are. blur: width of the image's PSF, a
+    trail included, over the camera's; what map and laws displace grows with it (measured: 0.19 px of the centre at
+    5 px, 0.03 px at 0.9 px). limb_gain: what map and laws get wrong of the limb's brightness (see `tiles.limb_gain`):
+    an edge is displaced in proportion."""
+    return max(1.0, blur) * max(1.0, limb_gain / settings.limb_gain)
 
 
 def of_the_body(target: Target, radius_px: float, response: Array | None = None, shown_px: float = 0.0) -> Array:

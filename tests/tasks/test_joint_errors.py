@@ -1,16 +1,23 @@
 """What the joint estimator adds to its errors, and what it finds at reduced resolution."""
 
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
 from catalog.target import find_target
 from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
+from tasks.attitude.texture import texture_of
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.bending import DistortionError
-from tasks.joint.parameters import OFFSET, PSF, RANGE, State
+from tasks.joint.estimate import estimated, prior_sigmas
+from tasks.joint.orientation import ABOUT_PX, ACROSS_PX, with_least_error
+from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale, width_in_frame_px
-from tasks.joint.uncertainty import of_the_body
+from tasks.joint.tiles import limb_gain
+from tasks.joint.uncertainty import of_the_body, systematic, times_usual
 
 ONCE = JointSettings(second_start=False)
 
@@ -93,6 +100,49 @@ def test_an_error_of_the_bending_common_to_all_pixels_is_an_error_of_the_centre(
     added = np.sqrt(np.square(bent.uncertainty["offset_px"]) - np.square(exact.uncertainty["offset_px"]))
     assert added[1] == pytest.approx(0.3, abs=0.03)
     assert added[0] < 0.06
+
+
+def test_the_systematic_part_grows_with_the_blur_and_with_what_the_map_gets_wrong_of_the_limb() -> None:
+    usual = ONCE.systematic
+    assert times_usual(usual, 0.8, 0.5 * usual.limb_gain) == 1
+    assert times_usual(usual, 3.0, 2 * usual.limb_gain) == pytest.approx(6)
+    once, thrice = (np.diag(systematic(usual, 80.0, larger=k)) for k in (1.0, 3.0))
+    assert np.sqrt(thrice[: RANGE + 1] / once[: RANGE + 1]) == pytest.approx(3)
+    assert np.array_equal(thrice[RANGE + 1 :], once[RANGE + 1 :])
+
+
+@pytest.mark.parametrize(("noise", "least", "most"), [(0.0, 0.0, 0.02), (0.2, 0.07, 0.3)])
+def test_what_a_map_gets_wrong_of_the_limbs_brightness_is_seen(noise: float, least: float, most: float) -> None:
+    camera = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
+    scene, truth = scene_of(camera, photometry="mixture"), true_pose(camera, phase_deg=50.0)
+    grain = cv2.GaussianBlur(np.random.default_rng(5).normal(size=scene.basemap.albedo.shape), (0, 0), 40.0)
+    wrong = scene.basemap.albedo * np.clip(1 + noise * grain / grain.std(), 0.2, None)
+    seen = observation_of(replace(scene, basemap=replace(scene.basemap, albedo=wrong.astype(np.float32))), truth)
+    start = State(truth, camera.psf_sigma_px)
+    found = estimated(seen, start, start, prior_sigmas(ONCE.priors.file), scene, ONCE).free
+    gain = limb_gain(found.fit, found.trust.tiles, found.model.tiles.sectors, ONCE.tiles)
+    print(f"\nnoise of the map {noise}: gains along the limb {gain:.4f}")
+    assert least <= gain <= most
+
+
+def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across() -> None:
+    camera = small_camera(60.0, (90, 90)).model_copy(update={"centre_px": (44.5, 44.5)})
+    scene, truth = scene_of(camera, photometry="mixture"), true_pose(camera, phase_deg=40.0)
+    seen = observation_of(scene, truth)
+    texture = texture_of(seen, truth, scene)
+    start = State(truth, camera.psf_sigma_px)
+    estimate = estimated(seen, start, start, prior_sigmas(ONCE.priors.file), scene, ONCE)
+    assert texture is not None
+    added = with_least_error(estimate, texture, np.zeros(3)).covariance - estimate.covariance
+    pose = estimate.state.pose
+    sight = pose.camera_from_body.T @ pose.target_in_camera_km / pose.range_km
+    across = np.cross(sight, [0.3, -0.5, 0.8])
+    across /= np.linalg.norm(across)
+    turns = added[ATTITUDE, ATTITUDE]
+    pixel_deg = np.degrees(1 / 30)  # the disk's radius is 30 px
+    assert np.sqrt(sight @ turns @ sight) == pytest.approx(ABOUT_PX * pixel_deg, rel=0.1)
+    assert np.sqrt(across @ turns @ across) == pytest.approx(ACROSS_PX * pixel_deg, rel=0.1)
+    assert not added[: ATTITUDE.start].any()
 
 
 def test_scales_convert_states_and_displacements() -> None:

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import find_target
+from lab.honesty.laws import radiance
 from tasks.project.curves import limb_points
-from tasks.simulate.photometry import BASES, lambert, lommel_seeliger, lunar_lambert, lunar_lambert_weight
+from tasks.simulate.photometry import BASES, LAWS, lambert, lommel_seeliger, lunar_lambert, lunar_lambert_weight
 from tasks.simulate.scene import detect
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
@@ -56,9 +57,38 @@ def test_the_mixture_holds_lambert_and_lommel_seeliger_so_that_it_can_be_any_lun
 
 
 def test_every_law_is_dark_at_night() -> None:
-    for laws in BASES.values():
-        for law in laws:
-            assert law(MU0, MU, 30.0)[-1] == 0
+    for law in LAWS.values():
+        assert law(MU0, MU, 30.0)[-1] == 0
+
+
+def lit_and_seen(phase_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Cosines of incidence and emission all over a sphere at a phase angle, its limb and terminator left out."""
+    normal = np.random.default_rng(3).normal(size=(20_000, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    phase = np.radians(phase_deg)
+    mu0, mu = normal @ (np.sin(phase), 0, np.cos(phase)), normal[:, 2]
+    inside = (mu0 > 0.03) & (mu > 0.03)
+    return mu0[inside].astype(np.float32), mu[inside].astype(np.float32)
+
+
+@pytest.mark.parametrize("phase_deg", [1.0, 20.0, 60.0, 100.0, 140.0])
+def test_akimovs_law_is_what_its_photometric_coordinates_give(phase_deg: float) -> None:
+    mu0, mu = lit_and_seen(phase_deg)
+    written_out = radiance("akimov", {}, *map(np.float64, (mu0, mu)), np.full(len(mu0), np.radians(phase_deg)))
+    ratio = LAWS["akimov"](mu0, mu, phase_deg) / written_out
+    assert ratio == pytest.approx(np.median(ratio), rel=0.01)
+    assert np.std(ratio) < 1e-3 * np.median(ratio)
+
+
+@pytest.mark.parametrize("phase_deg", [10.0, 90.0])
+@pytest.mark.parametrize("exponent", [0.5, 0.58, 0.65, 0.7, 0.8, 0.9, 1.0])
+def test_three_laws_make_any_exponent_of_minnaerts(exponent: float, phase_deg: float) -> None:
+    mu0, mu = lit_and_seen(phase_deg)
+    wanted = mu0**exponent * mu ** (exponent - 1)
+    chosen = [LAWS[name] for name in ("minnaert-half", "minnaert-three-quarters", "lambert")]
+    columns = np.stack([law(mu0, mu, phase_deg) for law in chosen], axis=1) / wanted[:, None]
+    weights = np.linalg.lstsq(columns, np.ones(len(mu0)), rcond=None)[0]
+    assert np.std(columns @ weights) < 4e-3
 
 
 def sub_pixel_patch(oversample: int) -> np.ndarray:
