@@ -23,6 +23,7 @@ CONSEQUENCES = (
     "limb-disagrees",
     "limb-and-interior-disagree",
     "image-unlike-simulation",
+    "sun-direction-disagrees",
 )
 PUBLISHED = ("ok", "doubtful")
 

@@ -1,4 +1,4 @@
-"""Which image the steps after a joint step get that left a better one."""
+"""What the steps of an image are given, and what is done where a corrected pose is doubted."""
 
 from pathlib import Path
 from typing import Any
@@ -10,12 +10,14 @@ from catalog.camera import find_camera
 from catalog.pose import POSE_KEYS, Pose
 from catalog.target import find_target
 from flows.chain import Chain
-from flows.image import Corrected, corrected_pose
+from flows.image import Corrected, corrected_or_explained
 from flows.profile import Profile
 from flows.request import Request
+from flows.verdict import doubts
 from tasks.correcting import CorrectionResult, Known
+from tasks.diagnose.step import Cause, DiagnoseResult
 from tasks.record import Record
-from tasks.registry import ATTITUDE, JOINT
+from tasks.registry import ATTITUDE, DIAGNOSE, JOINT
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
 from tasks.simulate import SceneSettings
 from tasks.step import AnyStep
@@ -32,6 +34,7 @@ REPORT = ValidateResult(
     limb=LIMB,
     similarity=Similarity(before=0.5, after=0.9),
     sun=SunReport(),
+    blocks=None,
     dark_limb={},
     orientation=OrientationReport(verdict="matched", sigmas=20.0),
     symmetry=None,
@@ -46,6 +49,9 @@ def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT
     def answered(step: AnyStep) -> Record:
         if step.kind.name == "validate":
             result: Any = REPORT
+        elif step.kind is DIAGNOSE:
+            cause = Cause(code="image-mirrored", fault="it is mirrored.", remedy="Give --flip x.")
+            result = DiagnoseResult(diagnosis=cause, evidence={})
         else:
             own = told if step.kind is kind else {}
             result = CorrectionResult(pose=step.inputs.pose, changed=changed, **own)
@@ -61,7 +67,7 @@ def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT
         simulate=SceneSettings(),
     )
     known = Known(scene, POSE, POSE, dict.fromkeys(POSE_KEYS, "spice"), 0.3)
-    corrected_pose(chain, Corrected(known, SceneFiles(folder, None)))
+    corrected_or_explained(chain, Corrected(known, SceneFiles(folder, None)))
     return chain
 
 
@@ -92,3 +98,19 @@ def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Pa
 def test_only_the_first_pass_searches_the_frame(tmp_path: Path) -> None:
     chain = chain_of(tmp_path, ["point"], ["point"])
     assert [chain.done[f"point-{number}"].step.inputs.search_frame for number in (1, 2)] == [True, False]
+
+
+CAUSE = "image-mirrored: it is mirrored. Give --flip x."
+FOLLOWS, OTHER = "joint-not-settled: it moves. Check.", "range-conflict: it is 5 sigma. Check."
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [(None, []), (FOLLOWS, [CAUSE, FOLLOWS]), (OTHER, [OTHER])],
+)
+def test_the_cause_is_looked_for_where_a_doubt_may_follow_from_another_fault(
+    tmp_path: Path, said: str | None, told: list[str]
+) -> None:
+    chain = chain_of(tmp_path, ["joint"], ["joint"], evidence={"doubt": said})
+    assert doubts(chain) == told
+    assert ("diagnose" in chain.done) == (said == FOLLOWS)
