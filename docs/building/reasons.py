@@ -25,7 +25,8 @@ PUT_TOGETHER = {
     "f'{code}-unreadable'": ("image-unreadable", "pose-file-unreadable", "base-map-unreadable", "mask-unreadable"),
     "f'{code}-too-large'": ("image-too-large", "pose-file-too-large", "base-map-too-large", "mask-too-large"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
-    "found['code']": (),  # a Diagnosis
+    "found.code": (),  # a Diagnosis
+    "told['code']": (),  # a failure that is remembered
     "OTHER": ("another-body",),  # imported
     "worst": ("limb-outside", "limb-saturated", "limb-masked", "limb-missing", "limb-faint"),
     "cause.code": (),

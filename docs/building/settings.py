@@ -3,7 +3,7 @@
 import re
 import typing
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -90,6 +90,9 @@ def model_in(annotation: Any) -> Model | None:
 def told(annotation: Any) -> str:
     """A type for people: `a` or `b`, number, list of ..."""
     origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:  # a text with a list of what it may be
+        extra = next((part.json_schema_extra for part in parts if isinstance(part, FieldInfo)), None) or {}
+        return ", ".join(code(part) for part in extra.get("enum", ())) or told(parts[0])
     if origin is Literal:
         return ", ".join(code(part) for part in parts)
     if origin in (Union, UnionType):
