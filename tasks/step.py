@@ -18,6 +18,7 @@ from catalog.times import now_utc
 from tasks.atomic import folder_put_in_place
 from tasks.code_version import code_version
 from tasks.fields import Content, Json
+from tasks.plugin_code import plugins_in
 from tasks.record import Record, read_record, write_record
 from tasks.work import Progress, Work
 
@@ -93,10 +94,11 @@ class Step(Generic[I, F, R]):
     destination: Path | None = None
     watched: tuple[tuple[Path, str], ...] = ()
 
-    @property
+    @cached_property
     def code(self) -> str:
-        """Version of the code that the step runs."""
-        return self.kind.code
+        """Version of the code that the step runs, and of the plugins that its inputs name."""
+        plugins = plugins_in(self.inputs)
+        return sha256_of_json({"code": self.kind.code, "plugins": plugins})[:16] if plugins else self.kind.code
 
     @cached_property
     def plain_inputs(self) -> Json:

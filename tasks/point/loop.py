@@ -1,7 +1,7 @@
 """Point: register image and simulation, turn the camera, render again, until nothing moves (paper, figure 5)."""
 
 from collections.abc import Callable
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -15,7 +15,7 @@ from tasks.compare.match import match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.correction import FORMAL, Correction
 from tasks.point.coarse import find_target
-from tasks.point.registration import REGISTRATIONS, Shift
+from tasks.point.registration import RegistrationName, Shift, find_registration
 from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, Rest, rest_of
 from tasks.simulate import Scene
@@ -23,7 +23,6 @@ from tasks.simulate.window import disk_radius_px
 from tasks.undistort.saturation import areas, with_plate_flagged
 
 Progress = Callable[[str, int, str], None]
-RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 SMALLEST_PLATEAU_PX = 100
 # A disk of which more of the bright pixels are saturated is refused; with 63 % the rest still tells.
@@ -182,7 +181,7 @@ def settle(
     observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None
 ) -> tuple[Pose, Shift, list[list[float]], Rest | None]:
     """The loop of figure 5: settled pose, the last shift, all shifts, and where it stands still if it still moves."""
-    register = REGISTRATIONS[settings.registration]
+    register = find_registration(settings.registration)
     history: list[list[float]] = []
     for iteration in range(1, settings.max_iterations + 1):
         shift = register(match_scene(observation, scene, pose))

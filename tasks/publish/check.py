@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.camera import Camera, camera_from_dict
 from catalog.digest import sha256_of_json
 from catalog.errors import RefusedError
 from catalog.observation import Quality
@@ -25,6 +24,7 @@ from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
+from tasks.publish.cube_model import models_in
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 from tasks.publish.variables import cube_faults
 from tasks.record import RECORD_FILE, record_in
@@ -154,7 +154,7 @@ def _geometry_faults(cube: "xr.Dataset") -> Iterator[str]:
     ys, xs = ys[chosen], xs[chosen]
     on_detector = "place_x" in cube
     places = [cube[name].values[ys, xs] for name in ("place_x", "place_y")] if on_detector else [xs, ys]
-    camera, target, pose = _model_of(cube)
+    camera, target, pose = models_in(cube.attrs)
     try:
         expected = project_pixels(pose, camera, target, np.stack(places, axis=-1).astype(float))
     except RefusedError as error:  # a shape model that is no longer where it was
@@ -183,9 +183,3 @@ def _tolerance(name: str, expected: Mapping[str, NDArray[np.float64]], target: T
 def _difference(name: str, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     off = np.abs(a - b)
     return np.minimum(off, np.abs(360.0 - off)) if name == "longitude" else off
-
-
-def _model_of(cube: "xr.Dataset") -> tuple[Camera, Target, Pose]:
-    camera = camera_from_dict(own_json(cube.attrs["camera_model"]), "of the cube")
-    target = Target.model_validate(own_json(cube.attrs["target_model"]))
-    return camera, target, Pose.from_dict(own_json(cube.attrs["pose_after"]))

@@ -1,7 +1,6 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.simulate.mitsuba_geometry import render_positions
-from tasks.simulate.photometry import BASES
+from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
@@ -21,7 +20,7 @@ class SceneSettings(BaseModel):
     """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    photometry: Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"] = "lunar-lambert"
+    photometry: BasisName = "lunar-lambert"
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
     oversample: int | None = Field(None, ge=1, le=16)
 
@@ -108,7 +107,7 @@ class Scene:
 
     def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
         """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
-        return [law(surface.mu0, surface.mu, phase_deg) for law in BASES[self.settings.photometry]]
+        return [law(surface.mu0, surface.mu, phase_deg) for law in bases_of(self.settings.photometry)]
 
     def render(self, pose: Pose, window: Window | None = None) -> Simulation:
         """Simulate `pose` under `window` (default: the target's window, which may leave the frame).
