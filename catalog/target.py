@@ -178,6 +178,12 @@ def target_names() -> dict[str, str]:
     return names
 
 
+def known_target(name: str) -> Target | None:
+    """The catalog's target of a name or alias, also of a plugin; None where it has none."""
+    key = target_names().get(name.strip().lower())
+    return known_targets()[key] if key is not None else None
+
+
 def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
     """Target by catalog name or alias, or of a user's TOML file (FILE.toml), else any body that a PCK among `kernels`
     gives radii for.
@@ -186,9 +192,9 @@ def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
     """
     if is_target_file(name):
         return read_target_file(Path(name))
-    spelling = name.strip().lower()
-    if spelling in target_names():
-        return known_targets()[target_names()[spelling]]
+    known = known_target(name)
+    if known is not None:
+        return known
     from catalog.pck import target_from_pck
 
     return target_from_pck(name.strip(), kernels)

@@ -8,7 +8,7 @@ from catalog.digest import sha256_of_json
 from catalog.pose import Pose
 from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
-from catalog.target import known_targets
+from catalog.target import known_target
 from flows.chain import Chain, Done
 from flows.guidance import guidance_of, pose_to_resume
 from flows.request import (
@@ -83,7 +83,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         image=image,
         camera=frame.camera,
         frame=sha256_of_json(frame.model_dump(mode="json")),
-        target=None if image.given_target else known_targets().get(frame.target_name),
+        target=None if image.given_target else known_target(frame.target_name),
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
     )

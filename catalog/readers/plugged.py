@@ -8,6 +8,7 @@ import numpy as np
 
 from catalog.errors import RefusedError
 from catalog.plugins import Plugin
+from catalog.readers.names import targets_of_label
 from catalog.readers.reading import Reader, Reading, checked_shape
 
 logger = logging.getLogger("planetpose")
@@ -43,7 +44,8 @@ class PluggedReader:
                 plane = getattr(reading, name)
                 if plane is not None and np.shape(plane) != image.shape:
                     raise self.plugin.fault(f"gives {name} {np.shape(plane)} for image {path} of {image.shape}")
-            return replace(reading, image=image.astype(np.uint8) if image.dtype.kind == "b" else image)
+            image = image.astype(np.uint8) if image.dtype.kind == "b" else image
+            return replace(reading, image=image, targets=targets_of_label(list(reading.targets)))
 
 
 def readers_of(plugin: Plugin) -> list[tuple[str, PluggedReader]]:
