@@ -23,6 +23,7 @@ PUBLIC = {
     "correct": "planetpose.correction",
     "Result": "planetpose.result",
     "open_store": "tasks.publish.index",
+    "open_index": "tasks.publish.index",
     "open_cube": "tasks.publish.cube",
     "backplanes": "planetpose.geometry",
     "pixel_of": "planetpose.geometry",
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from tasks.publish.cube import open_cube as open_cube
     from tasks.publish.cube_model import CubeModel as CubeModel
     from tasks.publish.cube_model import model_of as model_of
+    from tasks.publish.index import open_index as open_index
     from tasks.publish.index import open_store as open_store
     from tasks.simulate.photometry import Law as Law
 

@@ -10,7 +10,7 @@ from building.markdown import code
 from building.markdown import table as table_of
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("catalog", "tasks", "flows", "lab")
+FLOORS = ("catalog", "tasks", "flows", "planetpose", "lab")
 TEXTS = Path(__file__).parent / "reasons.toml"
 STATUS = {"RefusedError": "refused", "FailedError": "failed", "NoMaximumError": "failed", "Diagnosis": "failed"}
 # Codes that are put together when they are raised, by the expression that does it.
@@ -25,7 +25,7 @@ PUT_TOGETHER = {
     "f'{code}-unreadable'": ("image-unreadable", "pose-file-unreadable", "base-map-unreadable", "mask-unreadable"),
     "f'{code}-too-large'": ("image-too-large", "pose-file-too-large", "base-map-too-large", "mask-too-large"),
     "f'{what}-unknown'": ("format-unknown", "projection-unknown", "kernel-unknown"),
-    "found['code']": (),  # a Diagnosis
+    "found.code": (),  # a Diagnosis
     "cause.code": (),
     "error.code": (),  # the same error once more, with other words: explained where it was raised first
 }

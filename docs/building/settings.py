@@ -3,12 +3,13 @@
 import re
 import typing
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from building.markdown import code, table
+from catalog.choice import Choice
 from flows.profile import Profile
 
 Model = type[BaseModel]
@@ -65,7 +66,14 @@ def default(info: FieldInfo) -> str:
 
 def allowed(info: FieldInfo) -> str:
     """Kind and limits of a setting."""
-    return ", ".join(part for part in (told(info.annotation), limits(info)) if part)
+    choices = [each for each in info.metadata if isinstance(each, Choice)]
+    kind = chosen(choices[0]) if choices else told(info.annotation)
+    return ", ".join(part for part in (kind, limits(info)) if part)
+
+
+def chosen(choice: Choice) -> str:
+    """The names of a choice that come with the program."""
+    return ", ".join(map(code, choice.own)) + ", or that of a [plugin](/guide/plugins.md)"
 
 
 def plain(text: str) -> str:
@@ -90,6 +98,8 @@ def model_in(annotation: Any) -> Model | None:
 def told(annotation: Any) -> str:
     """A type for people: `a` or `b`, number, list of ..."""
     origin, parts = get_origin(annotation), get_args(annotation)
+    if origin is Annotated:
+        return next((chosen(part) for part in parts if isinstance(part, Choice)), told(parts[0]))
     if origin is Literal:
         return ", ".join(code(part) for part in parts)
     if origin in (Union, UnionType):

@@ -47,6 +47,7 @@ PROMISED = [
     "known_targets",
     "model_of",
     "open_cube",
+    "open_index",
     "open_store",
     "pixel_of",
     "place_of",
@@ -168,7 +169,7 @@ def test_what_was_imported_before_stays_usable_and_is_named(mine: dict[str, Path
 
 @pytest.mark.usefixtures("mine")
 def test_warnings_can_be_turned_off_by_their_class(tmp_path: Path) -> None:
-    code = f"import warnings; warnings.simplefilter('ignore', UserWarning)\n{USE}"
+    code = f"import warnings; warnings.filterwarnings('ignore', '.*planetpose', UserWarning)\n{USE}"
     done = run(code, tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert issubclass(planetpose.HiddenModuleWarning, UserWarning)
