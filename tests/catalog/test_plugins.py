@@ -17,8 +17,10 @@ from catalog.errors import RefusedError
 from catalog.plugins import CAMERAS, LAWS, READERS, REGISTRATIONS, TARGETS, Plugin
 from catalog.readers.plugged import PluggedReader
 from catalog.readers.reading import Reading
+from flows.trace import code_changed
 from tasks.plugin_code import plugin_version, plugins_in
 from tasks.point import registration
+from tasks.registry import POINT
 from tasks.simulate import photometry
 
 CACHED = (
@@ -238,3 +240,30 @@ def test_two_plugins_of_one_name_are_told(install: Install, caplog: pytest.LogCa
     assert [plugin.name for plugin in plugins.plugins_of(LAWS)] == ["flat"]
     assert "the name is that of" in caplog.text
     assert isinstance(plugins.plugin_named(LAWS, "flat"), Plugin)
+
+
+class Kind:
+    """A step whose inputs are `Outer`."""
+
+    inputs = Outer
+    code = POINT.code
+    code_for = staticmethod(POINT.code_for)
+
+
+def test_the_code_of_a_step_counts_the_plugins_that_its_inputs_name(
+    install: Install, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install(LAWS, {"flat": np.sqrt})
+    plain, plugged = Outer(text="flat"), Outer(name="flat")
+    assert POINT.code_for(plain) == POINT.code != POINT.code_for(plugged)
+    kind: Any = Kind
+    entry = {"code": POINT.code_for(plugged), "inputs": plugged.model_dump()}
+    assert not code_changed(kind, entry)
+    assert code_changed(kind, entry | {"code": POINT.code})
+    monkeypatch.setattr("tasks.plugin_code.plugin_version", lambda group, name: "newer")
+    assert code_changed(kind, entry)
+    assert not code_changed(kind, {"code": POINT.code, "inputs": plain.model_dump()})
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [])
+    for cached in CACHED[:2]:
+        cached.cache_clear()
+    assert code_changed(kind, entry)  # it is gone

@@ -15,6 +15,7 @@ from small_image import PLANTED_OFFSET_PX, write_small_archive
 import planetpose
 from flows.result import EMPTY
 from planetpose import result as result_module
+from tasks.publish.check import product_faults
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("catalog", "tasks", "flows", "lab")
@@ -210,6 +211,7 @@ def test_an_image_is_corrected_from_python_without_prefect(tmp_path: Path) -> No
     assert heard[0] == "ingest"
     assert heard[-1] == "publish"
     assert store == ["small"]
+    assert product_faults(tmp_path / "out" / "small") == []
     assert (x, y) == pytest.approx((55.25, 50.5), abs=1e-6)
     assert not prefect
 
