@@ -18,6 +18,7 @@ from types import ModuleType
 
 HERE = Path(__file__).resolve().parent
 PACKAGES = frozenset({"catalog", "tasks", "flows", "lab"})
+put_aside: dict[str, str] = {}  # name and file of strangers that were imported before
 
 
 class OwnPackages:
@@ -36,8 +37,16 @@ def pin() -> None:
     for name in PACKAGES & sys.modules.keys():
         found = getattr(sys.modules[name], "__file__", None)
         if found is None or Path(found).resolve().parent.parent != HERE:
+            put_aside[name] = str(found or "a folder")
             for known in [known for known in sys.modules if known.partition(".")[0] == name]:
                 del sys.modules[known]
+
+
+def hidden() -> dict[str, str]:
+    """Name and file of strangers on the path that would be found under our names, were ours not first."""
+    found = {name: PathFinder.find_spec(name) for name in sorted(PACKAGES)}
+    files = {name: Path(spec.origin) for name, spec in found.items() if spec and spec.origin}
+    return {name: str(file) for name, file in files.items() if HERE not in file.resolve().parents}
 
 
 def main() -> None:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
@@ -146,9 +147,19 @@ def read_camera_file(path: Path) -> Camera:
 
 @cache
 def known_cameras() -> dict[str, Camera]:
-    """All cameras of the catalog by name."""
+    """All cameras of the catalog by name, then those that plugins add."""
     cameras = (read_camera_file(path) for path in CAMERA_FILES)
-    return {camera.name: camera for camera in cameras}
+    own = {camera.name: camera for camera in cameras}
+    return own | contributed(CAMERAS, _cameras_of, own)
+
+
+def _cameras_of(plugin: Plugin) -> list[tuple[str, Camera]]:
+    """Cameras of a plugin by their names in lower case."""
+    given = [
+        camera_from_dict(each, f"of {plugin.distribution}") if isinstance(each, dict) else read_camera_file(each)
+        for each in toml_given(plugin)
+    ]
+    return [(camera.name.lower(), camera) for camera in given]
 
 
 def find_camera(name_or_file: str) -> Camera:
@@ -157,6 +168,7 @@ def find_camera(name_or_file: str) -> Camera:
         return known_cameras()[name_or_file.lower()]
     if name_or_file.endswith(".toml"):
         return read_camera_file(Path(name_or_file))
+    refuse_unusable(CAMERAS, name_or_file)
     raise RefusedError(
         "camera-unknown",
         f"camera {name_or_file!r} is not in the catalog.",

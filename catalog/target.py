@@ -13,9 +13,11 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationErro
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.plugins import TARGETS, Plugin, contributed, toml_given
 from catalog.regular_file import is_regular
 
 TARGET_FOLDER = Path(__file__).parent / "targets"
+TARGET_REMEDY = "docs/guide/add-target.md has an example; or give the name of one that `planetpose targets` lists."
 SECONDS_PER_DAY = 86400.0
 DAYS_PER_CENTURY = 36525.0
 
@@ -122,9 +124,19 @@ class Target(BaseModel):
 
 @cache
 def known_targets() -> dict[str, Target]:
-    """All targets of the catalog by lower-case name."""
+    """All targets of the catalog by lower-case name, then those that plugins add."""
     targets = (read_target_file(path) for path in sorted(TARGET_FOLDER.glob("*.toml")))
-    return {target.name.lower(): target for target in targets}
+    own = {target.name.lower(): target for target in targets}
+    return own | contributed(TARGETS, _targets_of, own)
+
+
+def _targets_of(plugin: Plugin) -> list[tuple[str, Target]]:
+    """Targets of a plugin by their names in lower case."""
+    given = [
+        target_from_dict(each, f"of {plugin.distribution}") if isinstance(each, dict) else read_target_file(each)
+        for each in toml_given(plugin)
+    ]
+    return [(target.name.lower(), target) for target in given]
 
 
 def is_target_file(name_or_file: str) -> bool:
@@ -132,22 +144,26 @@ def is_target_file(name_or_file: str) -> bool:
     return name_or_file.lower().endswith(".toml")
 
 
+def target_from_dict(content: dict[str, Any], origin: str) -> Target:
+    """Target of a TOML file's content. Raises RefusedError naming `origin` and each bad field."""
+    try:
+        return Target.model_validate(content)
+    except ValidationError as error:
+        faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
+        raise RefusedError("target-file-invalid", f"target file {origin}: {faults}.", TARGET_REMEDY) from error
+
+
 def read_target_file(path: Path) -> Target:
     """Target of a TOML file; its shape model and its map may lie beside it.
 
     Raises RefusedError naming the file and each fault.
     """
-    remedy = "docs/guide/add-target.md has an example; or give the name of one that `planetpose targets` lists."
     try:
         content = read_toml_file(path)
     except (OSError, ValueError) as error:
         fault = f"target file {path} cannot be read: {error}."
-        raise RefusedError("target-file-unreadable", fault, remedy) from error
-    try:
-        target = Target.model_validate(content)
-    except ValidationError as error:
-        faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
-        raise RefusedError("target-file-invalid", f"target file {path}: {faults}.", remedy) from error
+        raise RefusedError("target-file-unreadable", fault, TARGET_REMEDY) from error
+    target = target_from_dict(content, str(path))
     if target.basemap and is_regular(path.parent / target.basemap):
         target = target.model_copy(update={"basemap": str((path.parent / target.basemap).absolute())})
     return target if target.shape is None else target.with_shape(path.parent / target.shape)
@@ -155,11 +171,17 @@ def read_target_file(path: Path) -> Target:
 
 def target_names() -> dict[str, str]:
     """Every accepted lower-case spelling, with the catalog name it stands for."""
-    names: dict[str, Any] = {}
+    names = {key: key for key in known_targets()}
     for key, target in known_targets().items():
-        names[key] = key
-        names.update({alias.lower(): key for alias in target.aliases})
+        for alias in target.aliases:
+            names.setdefault(alias.lower(), key)  # a plugin's alias takes nothing from the catalog's own
     return names
+
+
+def known_target(name: str) -> Target | None:
+    """The catalog's target of a name or alias, also of a plugin; None where it has none."""
+    key = target_names().get(name.strip().lower())
+    return known_targets()[key] if key is not None else None
 
 
 def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
@@ -170,9 +192,9 @@ def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
     """
     if is_target_file(name):
         return read_target_file(Path(name))
-    spelling = name.strip().lower()
-    if spelling in target_names():
-        return known_targets()[target_names()[spelling]]
+    known = known_target(name)
+    if known is not None:
+        return known
     from catalog.pck import target_from_pck
 
     return target_from_pck(name.strip(), kernels)

@@ -5,30 +5,20 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
-from functools import partial
 from threading import Event
-from typing import Any
 
 from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
-from catalog.errors import FailedError
-from flows.boundary import trouble_of
-from flows.chain import Chain
-from flows.image import correct_image
 from flows.indexing import note_in_index
-from flows.plan import product_twice, twins
+from flows.one_image import Result, one_result
+from flows.plan import twins
 from flows.progress import Reporter, Silent
 from flows.request import Request
-from flows.result import result_of, tally
+from flows.result import tally
 from flows.verdict import PUBLISHED
 from tasks.prefect_task import run_as_task
-from tasks.record import Record
-from tasks.step import AnyStep
-from tasks.work import Progress
 
-Result = dict[str, Any]
-RunStep = Callable[[AnyStep, Progress], Record]
 HEAR_CTRL_C_S = 0.5
 
 
@@ -70,7 +60,9 @@ def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
     with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool, stopping(pool, stop):
         # Each thread gets a copy of the flow's context: its tasks belong to this flow run.
         futures = [
-            pool.submit(copy_context().run, one_result, request, listener.reporter, refused.get(position), stop)
+            pool.submit(
+                copy_context().run, one_result, request, listener.reporter, refused.get(position), stop, run_as_task
+            )
             for position, request in enumerate(requests)
         ]
         for future in futures:
@@ -104,38 +96,3 @@ def stopping(pool: ThreadPoolExecutor, stop: Event) -> Iterator[None]:
         stop.set()
         pool.shutdown(wait=False, cancel_futures=True)
         raise
-
-
-def one_result(
-    request: Request,
-    reporter: Reporter,
-    twin: str | None = None,
-    stop: Event | None = None,
-    run_step: RunStep = run_as_task,
-) -> Result:
-    """Correct one image as tasks of the calling flow; whatever goes wrong with it becomes its result. With
-    `run_step=tasks.step.run` it needs neither flow nor server. stop: set to end the batch; it also is set here when
-    Ctrl-C has cut a rendering short."""
-    stop = stop or Event()
-    chain = Chain(request, partial(run_and_report, reporter, stop, run_step))
-    if twin:
-        error: Exception | None = product_twice(twin)
-    else:
-        error = trouble_of(lambda: correct_image(chain), request.product)
-    if isinstance(error, FailedError) and error.code == "interrupted":
-        stop.set()
-    result = result_of(chain, error)
-    reporter.finished(request.product, result["status"], result["reason"])
-    return result
-
-
-def run_and_report(reporter: Reporter, stop: Event, run_step: RunStep, step: AnyStep) -> Record:
-    """Run one step, telling the reporter that it begins and how it iterates. Raises FailedError once `stop` is set."""
-
-    def progress(_: str, iteration: int, text: str) -> None:
-        if stop.is_set():
-            raise FailedError("interrupted", "the command was interrupted.", "Run it again: finished steps stay.")
-        reporter.message(step.product, step.name, iteration, text)
-
-    progress(step.name, 0, "")
-    return run_step(step, progress)

@@ -6,7 +6,9 @@ from catalog.camera import Camera
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
 from catalog.pose import Pose
+from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
+from catalog.target import known_target
 from flows.chain import Chain, Done
 from flows.guidance import guidance_of, pose_to_resume
 from flows.request import (
@@ -51,6 +53,7 @@ def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
         label=digest_of(label, "label") if label else None,
         target=target_inputs(request),
         flip=request.flip,
+        reader=plugin_reader_of(request.image),
     )
 
 
@@ -80,6 +83,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         image=image,
         camera=frame.camera,
         frame=sha256_of_json(frame.model_dump(mode="json")),
+        target=None if image.given_target else known_target(frame.target_name),
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
     )

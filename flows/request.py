@@ -1,5 +1,6 @@
 """What is asked for one image, and the inputs that follow from it before any work."""
 
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
@@ -7,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
 from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
-from catalog.camera import CAMERA_FOLDER, Camera, find_camera
+from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
@@ -19,7 +20,7 @@ from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import Kernel, list_kernels
-from catalog.target import MAX_SHAPE_BYTES, TARGET_FOLDER, Target, find_target, is_target_file
+from catalog.target import MAX_SHAPE_BYTES, Target, find_target, is_target_file, known_targets
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
@@ -131,7 +132,7 @@ def camera_inputs(request: Request) -> Camera | str:
     """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
     if request.camera is not None:
         return find_camera(request.camera)
-    return _digest_of_toml(CAMERA_FOLDER)
+    return camera_names_digest()
 
 
 def target_inputs(request: Request) -> Target | str | None:
@@ -141,14 +142,20 @@ def target_inputs(request: Request) -> Target | str | None:
     return find_target(request.target)
 
 
-def target_names_digest() -> str:
-    """Content of the catalog's target files, whose spellings labels are compared with."""
-    return _digest_of_toml(TARGET_FOLDER)
+@cache
+def camera_names_digest() -> str:
+    """Content of the catalog's camera files, and of those of plugins, whose spellings labels are compared with."""
+    return _digest_of(known_cameras())
 
 
 @cache
-def _digest_of_toml(folder: Path) -> str:
-    return sha256_of_json({path.name: sha256_of_file(path) for path in sorted(folder.glob("*.toml"))})
+def target_names_digest() -> str:
+    """Content of the catalog's target files, and of those of plugins, whose spellings labels are compared with."""
+    return _digest_of(known_targets())
+
+
+def _digest_of(known: Mapping[str, BaseModel]) -> str:
+    return sha256_of_json({name: each.model_dump(mode="json", exclude_unset=True) for name, each in known.items()})
 
 
 class KernelLists:

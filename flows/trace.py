@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, cast
 
+from pydantic import ValidationError
+
 from catalog.errors import FailedError, PlanetposeError, RefusedError
 from flows.chain import Chain, NotCachedError, RunStep, Tried
 from flows.image import correct_image
@@ -15,7 +17,7 @@ from flows.request import KernelLists, Request
 from tasks.fields import Json
 from tasks.record import Record
 from tasks.registry import STEPS
-from tasks.step import AnyStep
+from tasks.step import AnyStep, StepType
 
 FAILURES: dict[str, type[PlanetposeError]] = {kind.status: kind for kind in (FailedError, RefusedError)}
 
@@ -80,15 +82,20 @@ def changes(trace: Json, chain: Chain) -> list[str]:
             found += inputs_changed(tried.step.kind.told_as, old["inputs"], tried.step.plain_inputs)
     settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
     found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
-    kinds = dict.fromkeys(name.partition("-")[0] for name in before)
-    codes = {step.name: step for step in STEPS}
-    found += [f"code of {kind}" for kind in kinds if kind in codes and codes[kind].code != code_in(trace, kind)]
+    kinds = {step.name: step for step in STEPS}
+    first: dict[str, Json] = {}
+    for name, entry in before.items():
+        first.setdefault(name.partition("-")[0], entry)
+    found += [f"code of {name}" for name in first if name in kinds and code_changed(kinds[name], first[name])]
     return list(dict.fromkeys(found))
 
 
-def code_in(trace: Json, kind: str) -> str:
-    """The code version of a kind of step in a trace."""
-    return next(str(entry["code"]) for entry in trace["steps"] if entry["name"].partition("-")[0] == kind)
+def code_changed(kind: StepType[Any, Any, Any], entry: Json) -> bool:
+    """Whether a step of a trace would run other code now, its own or that of the plugins that its inputs name."""
+    try:
+        return kind.code_for(kind.inputs.model_validate(entry["inputs"])) != entry["code"]
+    except (ValidationError, RefusedError):  # inputs of another version, or of a plugin that is gone
+        return bool(kind.code != entry["code"])
 
 
 def inputs_changed(names: Mapping[str, str], before: Json, after: Json) -> list[str]:

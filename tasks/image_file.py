@@ -3,25 +3,31 @@
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated
 
+from catalog.choice import Choice
 from catalog.digest import input_changed
 from catalog.flips import Flip
 from catalog.observation import Frame
+from catalog.plugins import READERS
 from catalog.readers import read_frame
 from catalog.target import Target
 from tasks.fields import Content
 
 IMAGES_IN_MEMORY = 4
+ReaderName = Annotated[str, Choice("reader of a plugin", READERS)]
 
 
 class ImageInputs(Content):
     """What of an image's file a result depends on. sha256: of the file, label: of its detached label. target: the
-    user's own, a name or what a target file says. flip: how the picture is flipped before anything else."""
+    user's own, a name or what a target file says. flip: how the picture is flipped before anything else. reader: of a
+    plugin that reads the file, whose code is part of keys; None where it is read by one of ours."""
 
     sha256: str
     label: str | None = None
     target: Target | str | None = None
     flip: Flip | None = None
+    reader: ReaderName | None = None
 
     @property
     def given_target(self) -> Target | None:

@@ -18,6 +18,7 @@ from catalog.times import now_utc
 from tasks.atomic import folder_put_in_place
 from tasks.code_version import code_version
 from tasks.fields import Content, Json
+from tasks.plugin_code import plugins_in
 from tasks.record import Record, read_record, write_record
 from tasks.work import Progress, Work
 
@@ -69,10 +70,21 @@ class StepType(Generic[I, F, R]):
         """Version of the code that the step runs."""
         return code_version(self.module)
 
+    def code_for(self, inputs: BaseModel) -> str:
+        """Version of the code that the step runs, and of the plugins that these inputs name."""
+        plugins = plugins_in(inputs)
+        return sha256_of_json({"code": self.code, "plugins": plugins})[:16] if plugins else self.code
+
     @property
     def summary(self) -> str:
         """What it does, in one sentence: the first of its body's documentation."""
         return (self.body.__doc__ or "").strip().partition("\n\n")[0]
+
+
+def key_of(kind: StepType[Any, Any, Any], code: str, inputs: Json) -> str:
+    """Key of a step of this kind: hex digest of its name, its result's schema, its code and its plain inputs. Raises
+    TypeError or ValueError when an input is not finite JSON."""
+    return sha256_of_json({"step": kind.name, "schema": kind.schema_version, "code": code, "inputs": inputs})
 
 
 @dataclass(frozen=True)
@@ -93,10 +105,10 @@ class Step(Generic[I, F, R]):
     destination: Path | None = None
     watched: tuple[tuple[Path, str], ...] = ()
 
-    @property
+    @cached_property
     def code(self) -> str:
-        """Version of the code that the step runs."""
-        return self.kind.code
+        """Version of the code that the step runs, and of the plugins that its inputs name."""
+        return self.kind.code_for(self.inputs)
 
     @cached_property
     def plain_inputs(self) -> Json:
@@ -107,10 +119,7 @@ class Step(Generic[I, F, R]):
     def key(self) -> str:
         """Hex digest of everything the result depends on. Raises TypeError or ValueError when an input is not plain,
         finite JSON."""
-        schema = self.kind.schema_version
-        return sha256_of_json(
-            {"step": self.kind.name, "schema": schema, "code": self.code, "inputs": self.plain_inputs}
-        )
+        return key_of(self.kind, self.code, self.plain_inputs)
 
     @property
     def cached_at(self) -> Path:

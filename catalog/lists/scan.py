@@ -49,7 +49,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 def looks_like_an_image(path: Path) -> bool:
     """Whether a reader recognises the first bytes of a regular file."""
-    from catalog.readers import READERS
+    from catalog.readers import all_readers
     from catalog.readers.reading import HEAD_BYTES
 
     try:
@@ -57,7 +57,7 @@ def looks_like_an_image(path: Path) -> bool:
             head = file.read(HEAD_BYTES)
     except (IsADirectoryError, NotRegularError):
         return False
-    return any(reader.recognises(head, path) for reader in READERS)
+    return any(reader.recognises(head, path) for reader in all_readers())
 
 
 def row_of_file(path: Path, relative_to: Path) -> Row:

@@ -1,17 +1,22 @@
 """Readers: one per file format behind one Protocol, chosen by the file's first bytes.
 
-`read_frame` is all that the rest of the program needs.
+`read_frame` is all that the rest of the program needs. Plugins' readers are asked before our own, so that one can know
+more of some FITS files than ours does.
 """
 
+from functools import cache
 from pathlib import Path
 
 from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.observation import Frame
+from catalog.plugins import READERS as GROUP
+from catalog.plugins import contributed
 from catalog.readers.finishing import frame_of_reading
 from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
 from catalog.readers.picture import PictureReader
+from catalog.readers.plugged import PluggedReader, readers_of
 from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
 from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
@@ -19,7 +24,26 @@ from catalog.regular_file import TooLargeError, open_regular
 
 READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader())
 
-__all__ = ["READERS", "image_is_folder", "read_frame"]
+__all__ = ["READERS", "all_readers", "image_is_folder", "plugin_reader_of", "read_frame"]
+
+
+@cache
+def plugin_readers() -> dict[str, PluggedReader]:
+    """Usable readers of plugins by name."""
+    return contributed(GROUP, readers_of, ())
+
+
+def all_readers() -> tuple[Reader, ...]:
+    """Every reader in the order of asking."""
+    return (*plugin_readers().values(), *READERS)
+
+
+def plugin_reader_of(path: Path) -> str | None:
+    """Name of the plugin's reader that reads this file; None where one of our own does, or none."""
+    if not plugin_readers():
+        return None
+    head = _head(path)
+    return next((name for name, reader in plugin_readers().items() if reader.recognises(head, path)), None)
 
 
 def read_frame(path: Path, camera: str | None = None, target: str | None = None, flip: Flip | None = None) -> Frame:
@@ -34,7 +58,7 @@ def read_frame(path: Path, camera: str | None = None, target: str | None = None,
     """
     path = Path(path)
     head = _head(path)
-    reader = next((reader for reader in READERS if reader.recognises(head, path)), None)
+    reader = next((reader for reader in all_readers() if reader.recognises(head, path)), None)
     if reader is None:
         raise RefusedError(
             "image-format-unknown",

@@ -17,6 +17,27 @@ def page_of(package: str) -> str:
     return "\n".join(section(path) for path in modules_of(package))
 
 
+def public_face(_: str = "") -> str:
+    """Every name that `planetpose.PUBLIC` lists, in its order, as the module that defines it has it."""
+    tree = ast.parse((ROOT / "planetpose" / "__init__.py").read_text(encoding="utf-8"))
+    listed = next(node.value for node in tree.body if isinstance(node, ast.Assign) and _assigned(node) == "PUBLIC")
+    return "\n".join(_defined(name, module) for name, module in ast.literal_eval(listed).items())
+
+
+def _defined(name: str, module: str) -> str:
+    tree = ast.parse(modules_of(module)[0].read_text(encoding="utf-8"))
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.name == name:
+            return term(node)
+        if isinstance(node, ast.Assign) and _assigned(node) == name:
+            return f"`{ast.unparse(node)}`\n: A type, for annotations.\n"
+    raise LookupError(f"{module} defines no {name}")
+
+
+def _assigned(node: ast.Assign) -> str:
+    return node.targets[0].id if isinstance(node.targets[0], ast.Name) else ""
+
+
 def modules_of(package: str) -> list[Path]:
     """Files of the package and all modules in it, or of the one module. Raises FileNotFoundError when there is none."""
     place = ROOT.joinpath(*package.split("."))

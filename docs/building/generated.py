@@ -11,6 +11,7 @@ from building import api, cameras, commands, facts, outside, profiles, reasons, 
 LINE = re.compile(r"^<!-- made from: (\S+) ?(.*?) -->$", re.M)
 MAKERS: dict[str, Callable[[str], str]] = {
     "api": api.page_of,
+    "face": api.public_face,
     "camera": cameras.section_of,
     "cameras": cameras.table,
     "commands": commands.page,

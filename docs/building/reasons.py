@@ -10,7 +10,7 @@ from building.markdown import code
 from building.markdown import table as table_of
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("catalog", "tasks", "flows", "lab")
+FLOORS = ("catalog", "tasks", "flows", "planetpose", "lab")
 TEXTS = Path(__file__).parent / "reasons.toml"
 STATUS = {"RefusedError": "refused", "FailedError": "failed", "NoMaximumError": "failed", "Diagnosis": "failed"}
 # Codes that are put together when they are raised, by the expression that does it.

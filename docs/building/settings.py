@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from building.markdown import code, table
+from catalog.choice import Choice
 from flows.profile import Profile
 
 Model = type[BaseModel]
@@ -65,7 +66,14 @@ def default(info: FieldInfo) -> str:
 
 def allowed(info: FieldInfo) -> str:
     """Kind and limits of a setting."""
-    return ", ".join(part for part in (told(info.annotation), limits(info)) if part)
+    choices = [each for each in info.metadata if isinstance(each, Choice)]
+    kind = chosen(choices[0]) if choices else told(info.annotation)
+    return ", ".join(part for part in (kind, limits(info)) if part)
+
+
+def chosen(choice: Choice) -> str:
+    """The names of a choice that come with the program."""
+    return ", ".join(map(code, choice.own)) + ", or that of a [plugin](/guide/plugins.md)"
 
 
 def plain(text: str) -> str:
@@ -90,9 +98,10 @@ def model_in(annotation: Any) -> Model | None:
 def told(annotation: Any) -> str:
     """A type for people: `a` or `b`, number, list of ..."""
     origin, parts = get_origin(annotation), get_args(annotation)
-    if origin is Annotated:  # a text with a list of what it may be
+    if origin is Annotated:
+        by_choice = next((chosen(part) for part in parts if isinstance(part, Choice)), None)
         extra = next((part.json_schema_extra for part in parts if isinstance(part, FieldInfo)), None) or {}
-        return ", ".join(code(part) for part in extra.get("enum", ())) or told(parts[0])
+        return by_choice or ", ".join(code(part) for part in extra.get("enum", ())) or told(parts[0])
     if origin is Literal:
         return ", ".join(code(part) for part in parts)
     if origin in (Union, UnionType):

@@ -6,6 +6,7 @@ import os
 import pkgutil
 import sys
 from importlib import import_module
+from typing import Annotated
 
 import typer
 from typer.main import get_group
@@ -25,12 +26,29 @@ def build_app() -> typer.Typer:
         pretty_exceptions_enable=False,
         context_settings={"help_option_names": ["-h", "--help"]},
     )
+    app.callback()(common)
     for module in sorted(pkgutil.iter_modules(__path__), key=lambda found: found.name):
         command = import_module(f"{__name__}.{module.name}")
         if hasattr(command, "register"):
             command.register(app)
     add_contributed(app, set(get_group(app).commands))
     return app
+
+
+def say_version(wanted: bool) -> None:
+    """Print name and version, and end."""
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"planetpose {version('planetpose')}")
+        raise typer.Exit
+
+
+Version = Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say the version.")]
+
+
+def common(version: Version = False) -> None:
+    """Precise geometry of disk-resolved spacecraft images."""
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ from catalog.camera import Camera, find_camera
 from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target, find_target
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request

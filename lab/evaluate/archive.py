@@ -13,8 +13,8 @@ from catalog.errors import PlanetposeError, RefusedError
 from catalog.pose import Pose, read_pose_file
 from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
-from flows.correct import one_result
 from flows.image import correct_image
+from flows.one_image import one_result
 from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request

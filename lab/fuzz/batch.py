@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalog.plain_text import shown_path
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
 from flows.run import InOrder, run_requests

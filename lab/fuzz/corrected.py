@@ -9,7 +9,7 @@ from typing import Any
 
 from catalog.errors import FailedError, RefusedError
 from catalog.readers import read_frame
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request

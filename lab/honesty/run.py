@@ -171,7 +171,7 @@ def run_scene(job: Job) -> Row:
     started = time.process_time()
     files, truth = write_scene(job.scene, job.folder)
     rendered = time.process_time()
-    from flows.correct import one_result
+    from flows.one_image import one_result
     from flows.progress import Silent
     from flows.request import Request
     from lab.evaluate.archive import replayed

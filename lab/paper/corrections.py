@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.profile import Profile, find_profile
 from flows.progress import Silent
 from flows.request import Request

@@ -12,12 +12,14 @@ from tasks.work import Work
 
 
 class PoseInputs(Content):
-    """What the result depends on. frame: content of what the file says. pose_file: its content. kernels: name and
-    content of each kernel, in the order of loading."""
+    """What the result depends on. frame: content of what the file says. target: what the catalog knows of its target,
+    None where a kernel defines it. pose_file: its content. kernels: name and content of each kernel, in the order of
+    loading."""
 
     image: ImageInputs
     camera: CameraField
     frame: str
+    target: Target | None = None
     pose_file: str | None
     kernels: tuple[tuple[str, str], ...]
 
@@ -60,6 +62,10 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     )
 
 
-STEP = StepType(
-    "pose", run, PredictedPose, changes=frozenset({"pose"}), told_as={"pose_file": "pose file", "kernels": "kernels"}
-)
+TOLD_AS = {
+    "pose_file": "pose file",
+    "kernels": "kernels",
+    "target": "catalog: targets",
+    "image.reader": "reader",
+}
+STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), told_as=TOLD_AS)

@@ -92,6 +92,7 @@ STEP = StepType(
         "image.label": "label",
         "image.target": "target",
         "image.flip": "flip",
+        "image.reader": "reader",
         "camera": "camera",
         "target_names": "catalog: targets",
     },

@@ -5,16 +5,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-Law = Literal[
-    "lambert",
-    "lommel-seeliger",
-    "mu0-mu",
-    "mu0-squared",
-    "minnaert-half",
-    "minnaert-three-quarters",
-    "akimov",
-    "lunar-lambert",
-]
+from tasks.simulate.photometry import LawName
+
 Group = Literal["offset", "range", "roll", "attitude", "psf"]
 
 
@@ -129,10 +121,10 @@ class JointSettings(BaseModel):
     first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    mapped: tuple[Law, ...] = Field(
+    mapped: tuple[LawName, ...] = Field(
         ("lambert", "lommel-seeliger", "mu0-mu", "mu0-squared", "minnaert-half"), min_length=1
     )
-    plain: tuple[Law, ...] = ("lambert", "lommel-seeliger")
+    plain: tuple[LawName, ...] = ("lambert", "lommel-seeliger")
     law_weight: float = Field(3.0, gt=0)
     tiles: TileSettings = TileSettings()
     wings_px: tuple[float, ...] = (3.0, 10.0)

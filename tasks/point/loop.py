@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
@@ -16,7 +16,7 @@ from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_f
 from tasks.correction import FORMAL, Correction
 from tasks.point.coarse import CoarseFind, find_target
 from tasks.point.in_front import find_in_front
-from tasks.point.registration import REGISTRATIONS, Shift
+from tasks.point.registration import RegistrationName, Shift, find_registration
 from tasks.point.rotation import pose_moved_by
 from tasks.rest import REST_PX, Rest, rest_of
 from tasks.simulate import Scene
@@ -24,7 +24,6 @@ from tasks.simulate.window import disk_radius_px
 from tasks.undistort.saturation import areas, with_plate_flagged
 
 Progress = Callable[[str, int, str], None]
-RegistrationName = Literal["ncc", "phase", "intensity", "ecc", "least-squares", "limb", "features"]
 
 SMALLEST_PLATEAU_PX = 100
 # A disk of which more of the bright pixels are saturated is refused; with 63 % the rest still tells.
@@ -223,7 +222,7 @@ def settle(
     observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None
 ) -> tuple[Pose, Shift, list[list[float]], Rest | None]:
     """The loop of figure 5: settled pose, the last shift, all shifts, and where it stands still if it still moves."""
-    register = REGISTRATIONS[settings.registration]
+    register = find_registration(settings.registration)
     history: list[list[float]] = []
     for iteration in range(1, settings.max_iterations + 1):
         shift = register(match_scene(observation, scene, pose))

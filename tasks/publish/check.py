@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.camera import Camera, camera_from_dict
-from catalog.digest import sha256_of_json
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.plain_files import own_json
@@ -25,16 +23,18 @@ from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
+from tasks.publish.cube_model import models_in
 from tasks.publish.names import CUBE, RESULT, SETTINGS
+from tasks.publish.step import STEP
 from tasks.publish.variables import cube_faults
 from tasks.record import RECORD_FILE, record_in
+from tasks.step import key_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 NESTED = ("pose_before", "pose_after", "uncertainty", "camera_model", "target_model", "settings", "provenance")
 PROVENANCE = ("image", "kernels")
-PUBLISHER = "tasks.publish.step"
 WORDING = re.compile(r": attribute (comment|long_name|ancillary_variables|valid_range) is ")  # versions differ in it
 SAMPLES = 400
 AT_LIMB_DEG = 80.0  # emission beyond which a small step of the pixel is a large one on the surface
@@ -105,7 +105,7 @@ def _paper_faults(folder: Path) -> Iterator[str]:
     except (OSError, ValueError, TypeError) as error:
         yield f"{RECORD_FILE} cannot be read: {error}"
         return
-    if record.key != sha256_of_json({"step": PUBLISHER, "code": record.code, "inputs": record.inputs}):
+    if record.key != key_of(STEP, record.code, record.inputs):
         yield f"{RECORD_FILE}: its key is not that of its inputs"
     corrected, result = record.result.get("correction", {}), contents.get(RESULT, {})
     differing = [key for key, value in corrected.items() if result and result.get(key) != value]
@@ -154,7 +154,7 @@ def _geometry_faults(cube: "xr.Dataset") -> Iterator[str]:
     ys, xs = ys[chosen], xs[chosen]
     on_detector = "place_x" in cube
     places = [cube[name].values[ys, xs] for name in ("place_x", "place_y")] if on_detector else [xs, ys]
-    camera, target, pose = _model_of(cube)
+    camera, target, pose = models_in(cube.attrs)
     try:
         expected = project_pixels(pose, camera, target, np.stack(places, axis=-1).astype(float))
     except RefusedError as error:  # a shape model that is no longer where it was
@@ -183,9 +183,3 @@ def _tolerance(name: str, expected: Mapping[str, NDArray[np.float64]], target: T
 def _difference(name: str, a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     off = np.abs(a - b)
     return np.minimum(off, np.abs(360.0 - off)) if name == "longitude" else off
-
-
-def _model_of(cube: "xr.Dataset") -> tuple[Camera, Target, Pose]:
-    camera = camera_from_dict(own_json(cube.attrs["camera_model"]), "of the cube")
-    target = Target.model_validate(own_json(cube.attrs["target_model"]))
-    return camera, target, Pose.from_dict(own_json(cube.attrs["pose_after"]))

@@ -26,10 +26,10 @@ from tasks.roll.refine import CAMERA, TARGET, turn_step
 from tasks.roll.scan import PolarScan, polar_scan
 from tasks.roll.turns import camera_rolled, target_turned
 from tasks.simulate import Scene
+from tasks.simulate.photometry import BasisName
 from tasks.simulate.window import disk_radius_px
 
 Progress = Callable[[str, int, str], None]
-Photometry = Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"]
 TURNS = {CAMERA: camera_rolled, TARGET: target_turned}
 OVERSAMPLE = 2
 STILL_PX = 0.05
@@ -55,7 +55,7 @@ class RollSettings(BaseModel):
     min_gain: float = Field(0.1, ge=0, lt=1)
     apply_from_deg: float = Field(0.0, ge=0)
     max_sigma_deg: float = Field(0.5, gt=0)
-    photometry: Photometry | None = "mixture"
+    photometry: BasisName | None = "mixture"
     diameter_px: float = Field(150.0, gt=0)
     stop_deg: float = Field(0.02, gt=0)
     rest_px: float = Field(REST_PX, ge=0)

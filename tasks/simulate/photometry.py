@@ -1,10 +1,15 @@
 """Photometric laws: reflectance of a surface of unit albedo, relative, from the cosines of incidence and emission."""
 
 from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.choice import Choice
+from catalog.plugins import LAWS as GROUP
+from catalog.plugins import Plugin, plugin_named
 from tasks.compiled import compiled_reordered
 
 Array = NDArray[np.float32]
@@ -103,8 +108,33 @@ LAWS: dict[str, Law] = {
 
 
 def laws(names: Sequence[str]) -> tuple[Law, ...]:
-    """The laws of these names."""
-    return tuple(LAWS[name] for name in names)
+    """The laws of these names, ours or a plugin's. Raises KeyError for an unknown one."""
+    return tuple(LAWS[name] if name in LAWS else _plugged(name) for name in names)
+
+
+def bases_of(name: str) -> tuple[Law, ...]:
+    """The laws of a name of BASES; a plugin's law stands alone. Raises KeyError for an unknown one."""
+    return BASES[name] if name in BASES else (_plugged(name),)
+
+
+@cache
+def _plugged(name: str) -> Law:
+    """A plugin's law; what it gives is checked, and its faults name it."""
+    plugin = plugin_named(GROUP, name)
+    if plugin is None:
+        raise KeyError(name)
+    return _checked(plugin, plugin.load())
+
+
+def _checked(plugin: Plugin, law: Law) -> Law:
+    def checked(mu0: Array, mu: Array, phase_deg: float) -> Array:
+        with plugin.guarded("fails"):
+            reflectance = np.asarray(law(mu0, mu, phase_deg), dtype=np.float32)
+        if reflectance.shape != mu0.shape or not np.isfinite(reflectance).all():
+            raise plugin.fault(f"gives {reflectance.shape}, or numbers that are not finite, for cosines {mu0.shape}")
+        return reflectance
+
+    return checked
 
 
 # One law is one basis image; a mixture leaves the image to say how much of each (DESIGN, what decides accuracy).
@@ -114,3 +144,6 @@ BASES: dict[str, tuple[Law, ...]] = {
     "lunar-lambert": (lunar_lambert,),
     "mixture": (lambert, lommel_seeliger, _mu0_mu, _mu0_squared),
 }
+
+LawName = Annotated[str, Choice("photometric law", GROUP, tuple(LAWS))]
+BasisName = Annotated[str, Choice("photometry", GROUP, tuple(BASES))]

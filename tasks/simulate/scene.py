@@ -1,7 +1,6 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.simulate.mitsuba_geometry import render_positions
-from tasks.simulate.photometry import BASES
+from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
@@ -24,7 +23,7 @@ class SceneSettings(BaseModel):
     planet, see `tasks.compare.occulted`); None never."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    photometry: Literal["lambert", "lommel-seeliger", "lunar-lambert", "mixture"] = "lunar-lambert"
+    photometry: BasisName = "lunar-lambert"
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
     oversample: int | None = Field(None, ge=1, le=16)
     behind_share: float | None = Field(0.1, gt=0, lt=1)
@@ -124,7 +123,7 @@ class Scene:
 
     def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
         """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
-        return [law(surface.mu0, surface.mu, phase_deg) for law in BASES[self.settings.photometry]]
+        return [law(surface.mu0, surface.mu, phase_deg) for law in bases_of(self.settings.photometry)]
 
     def render(self, pose: Pose, window: Window | None = None) -> Simulation:
         """Simulate `pose` under `window` (default: the target's window, which may leave the frame).

@@ -38,7 +38,7 @@ def fake_chain(chain: Chain) -> None:
 @pytest.fixture
 def run(prefect_api: str, plain_environment: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run images through the real flow with the fake chain; results as `--json` prints them."""
-    for module in ("flows.correct", "flows.plan"):
+    for module in ("flows.one_image", "flows.plan"):
         monkeypatch.setattr(f"{module}.correct_image", fake_chain)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
     monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.done["publish"].folder)})
@@ -236,7 +236,7 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
     from flows import correct as module
     from tasks.step import run as run_plainly
 
-    monkeypatch.setattr(module, "correct_image", fake_chain)
+    monkeypatch.setattr("flows.one_image.correct_image", fake_chain)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
     requests = [Request(image=image(name, name), **plain_environment) for name in ("1", "2", "3")]
     at_work, stop, told = Event(), Event(), []
@@ -287,7 +287,7 @@ def test_ctrl_c_that_only_a_rendering_hears_ends_the_batch_as_well(
             first_ends.wait(300)
         raise FailedError("interrupted", "the rendering was interrupted.", "Run it again: finished steps stay.")
 
-    monkeypatch.setattr(module, "correct_image", chain_of)
+    monkeypatch.setattr("flows.one_image.correct_image", chain_of)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
     requests = [Request(image=image(name, name), **plain_environment) for name in ("1", "2")]
     stop = Event()

@@ -24,7 +24,7 @@ from catalog.rotation import rotation_from_vector_deg
 from flows.cli import build_app
 from flows.cli.adjust import adjust
 from flows.cli.correct import warn
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.profile import Profile, find_profile
 from flows.progress import Silent
 from flows.request import Request

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
 from flows.cli import build_app
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.plan import answer_from_cache
 from flows.progress import Silent
 from flows.reprocessing.one_image import job_of, outcome_of

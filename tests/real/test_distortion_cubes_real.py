@@ -19,7 +19,7 @@ from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.rotation import nearest_rotation
 from catalog.target import Target
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
 from tasks.project.planes import project_planes

@@ -7,6 +7,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.spice import kernel_pool
 from catalog.target import find_target
+from planetpose import CubeModel, pixel_of, place_of
 from tasks.project.planes import ANGLES, project_planes
 
 pytestmark = pytest.mark.real
@@ -77,3 +78,30 @@ def test_every_pixel_is_spices_with_light_time_and_aberration(
     assert max(largest.values()) < BAR_DEG
     still = project_planes(pose.replaced(spacecraft_velocity_km_s=None, target_velocity_km_s=None), camera, target)
     assert np.nanmax(np.abs(still.latitude - planes.latitude)) > 10 * BAR_DEG  # the velocities matter
+
+
+@pytest.mark.parametrize(("spacecraft", "name", "utc", "focal_length_px", "corrections"), CASES)
+def test_places_between_pixels_are_spices_and_lead_back(
+    data_folder, spacecraft, name, utc, focal_length_px, corrections
+):
+    """`place_of` against SINCPT with light time and aberration; `pixel_of` is its inverse."""
+    import spiceypy
+
+    kernels, rng = data_folder / "kernels", np.random.default_rng(3)
+    with kernel_pool([kernels / "lsk", kernels / "pck", kernels / "spk"]), spiceypy.no_found_check():
+        pose, camera, target = scene_from_spice(spacecraft, name, utc, focal_length_px)
+        model = CubeModel(pose, camera, target)
+        centre, radius = camera.project(pose.target_in_camera_km), max(target.radii_km) / pose.range_km
+        xy = centre + rng.uniform(-1.3, 1.3, (200, 2)) * radius * focal_length_px
+        latitude, longitude = place_of(model, *xy.T)
+        for (x, y), ours in zip(xy, zip(latitude, longitude, strict=True), strict=True):
+            theirs = angles_of_spice(pose, camera, name, spacecraft, x, y, corrections)
+            if theirs is None or np.isnan(ours[0]):
+                assert (theirs is None) == bool(np.isnan(ours[0])), (x, y)
+                continue
+            off = np.abs((theirs[:2] - ours + 180) % 360 - 180) * [1, np.cos(np.radians(theirs[0]))]
+            assert max(off) < BAR_DEG, (x, y, off)
+    seen = np.isfinite(latitude)
+    assert 50 < np.count_nonzero(seen) < 190
+    back = np.stack(pixel_of(model, latitude, longitude), axis=-1)
+    np.testing.assert_allclose(back[seen], xy[seen], atol=1e-6)

@@ -15,9 +15,12 @@ from catalog.spice import kernel_pool
 from catalog.target import Target
 from lab.benchmark.spice_oracle import BODY, BODY_ID, FRAME, SPACECRAFT, write_kernels
 from tasks.project.mesh import Mesh, mesh_of, read_mesh
+from tasks.project.mesh_radial import outermost_points
 from tasks.project.more_planes import more_planes
 from tasks.project.pixels import project_pixels
+from tasks.project.places import pixels_of_places
 from tasks.project.planes import ANGLES, SUNLIT, project_planes
+from tasks.project.points import latitude_longitude
 from tasks.project.shaped import mesh_seen
 
 CAMERA = Camera(name="test", size_px=(120, 100), centre_px=(57.0, 52.0), focal_length_px=6e4)
@@ -199,3 +202,26 @@ def test_shape_models_that_cannot_be_used_are_refused(tmp_path):
     beside = pose_of().replaced(target_from_spacecraft_km=pose_of().camera_from_j2000[0] * 18000.0)
     with pytest.raises(RefusedError, match="not in front of"):
         project_planes(beside, CAMERA, target.with_shape(write_obj(lumpy_mesh(8), tmp_path / "l.obj")))
+
+
+def test_places_of_a_shape_model_are_seen_or_hidden_by_its_hills(lumpy):
+    """Pixels and places belong together both ways; brute force says where another part of the body is in front."""
+    rng, pose = np.random.default_rng(4), pose_of()
+    planes = project_planes(pose, CAMERA, lumpy, planes=("latitude", "longitude", "emission"))
+    ys, xs = np.nonzero(planes.emission < 75)
+    chosen = rng.integers(0, len(ys), 150)
+    xy = np.column_stack([xs[chosen], ys[chosen]])
+    at = [planes[name][xy[:, 1], xy[:, 0]] for name in ("latitude", "longitude")]
+    found = pixels_of_places(pose, CAMERA, lumpy, *at)
+    same = np.abs(found - xy).max(axis=1) < 1e-5
+    assert same.mean() > 0.95  # a few lie below an overhang or on an edge
+
+    latitude, longitude = np.degrees(np.arcsin(rng.uniform(-1, 1, 150))), rng.uniform(0, 360, 150)
+    found, points = (
+        pixels_of_places(pose, CAMERA, lumpy, latitude, longitude),
+        outermost_points(mesh_of(lumpy), latitude, longitude),
+    )
+    np.testing.assert_allclose(latitude_longitude(points), [latitude, longitude], atol=1e-9)
+    hidden = hidden_from_sun(mesh_of(lumpy), points, pose.spacecraft_in_body_km)
+    assert 20 < np.count_nonzero(hidden) < 130
+    assert (np.isnan(found[:, 0]) == hidden).mean() > 0.97  # rounding decides along outlines

@@ -13,6 +13,7 @@ from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target
+from planetpose import model_of, pixel_of, place_of
 from tasks.project.pixels import project_pixels
 from tasks.project.planes import KNOWN_PLANES, project_planes
 from tasks.project.uncertainty import PoseUncertainty
@@ -157,3 +158,21 @@ def test_single_pixels_and_the_compiled_projection_agree() -> None:
 def test_pixel_sizes_are_roots_of_areas() -> None:
     x, y = np.meshgrid(np.arange(20.0), np.arange(10.0))
     assert np.allclose(pixel_sizes(np.stack([2 * x + 0.1 * y, 0.5 * y], axis=-1)), 1.0)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_places_and_pixels_of_a_cube_belong_together(name: str) -> None:
+    """In the cube's own pixels, raw or undistorted, and as its planes have it."""
+    for publication in publications(name):
+        cube = cube_dataset(publication)
+        ys, xs = np.nonzero(cube.emission.values < 75)
+        chosen = np.random.default_rng(1).integers(0, len(ys), 200)
+        xs, ys = xs[chosen], ys[chosen]
+        latitude, longitude = place_of(cube, xs, ys)
+        np.testing.assert_allclose(latitude, cube.latitude.values[ys, xs], atol=2e-4)
+        off = np.abs(longitude - cube.longitude.values[ys, xs]) * np.cos(np.radians(latitude))
+        assert np.minimum(off, 360 - off).max() < 2e-4
+        np.testing.assert_allclose(pixel_of(cube, latitude, longitude), [xs, ys], atol=2e-4)
+        part = cube.isel(x=slice(7, None), y=slice(9, None))
+        between = place_of(part, xs + 0.3, ys - 0.4)
+        np.testing.assert_allclose(pixel_of(model_of(part), *between), [xs + 0.3, ys - 0.4], atol=2e-4)

@@ -22,7 +22,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
-from flows.correct import one_result
+from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
 from tasks.step import run as run_step

@@ -1,0 +1,1 @@
+"""The TOML files of this folder are the cameras."""
