@@ -6,6 +6,7 @@ that reaches it. Data files (cameras, targets, maps, reseau tables) do not count
 """
 
 import hashlib
+import inspect
 import json
 import sys
 from collections.abc import Collection
@@ -20,7 +21,8 @@ from tasks.atomic import file_put_in_place
 from tasks.source_code import ModuleSource, read_source
 
 PACKAGES = ("catalog", "tasks", "flows")
-KNOWN_SOURCES = "code/sources.json"
+SOURCES_FOLDER = "code"  # in the cache
+KNOWN_SOURCES = f"{SOURCES_FOLDER}/sources.json"
 # Some versions of some 500 modules; then those that are not of the present sources are dropped.
 MOST_KNOWN = 5000
 
@@ -67,7 +69,7 @@ class Sources:
             if path is None:
                 raise LookupError(f"there is no module {module} below {self.root}")
             content = path.read_bytes()
-            key = hashlib.sha256(module.encode() + b"\0" + content).hexdigest()
+            key = hashlib.sha256(_way_of_reading() + module.encode() + b"\0" + content).hexdigest()
             if key not in self.known:
                 package = module if path.name == "__init__.py" else module.rpartition(".")[0]
                 self.known[key] = self.new[key] = read_source(content, package)
@@ -124,6 +126,13 @@ def keep_known_sources() -> None:
         with file_put_in_place(path) as temporary:
             temporary.write_text(json.dumps(used), encoding="utf-8")
         sources.new.clear()
+
+
+@cache
+def _way_of_reading() -> bytes:
+    """What the digest of a source depends on beside its text: how it is normalised, and by which Python."""
+    reader = Path(inspect.getsourcefile(read_source) or "").read_bytes()
+    return hashlib.sha256(reader + repr(sys.version_info[:2]).encode()).digest()
 
 
 def _read_known() -> dict[str, ModuleSource]:

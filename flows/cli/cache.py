@@ -64,10 +64,11 @@ def prune(
 
 
 def step_folders(folder: Path) -> list[Path]:
-    """The folders of steps in the cache; nothing else in there is touched."""
+    """The folders of steps in the cache, and of what is known of their code; nothing else in there is touched."""
+    from tasks.code_version import SOURCES_FOLDER
     from tasks.registry import STEP_NAMES
 
-    found = [folder / kind for kind in STEP_NAMES if (folder / kind).is_dir()]
+    found = [folder / kind for kind in (*STEP_NAMES, SOURCES_FOLDER) if (folder / kind).is_dir()]
     for link in (each for each in found if each.is_symlink()):
         print(f"planetpose: {link} is a link; what it leads to is left alone", file=sys.stderr)
     return [each for each in found if not each.is_symlink()]
