@@ -10,8 +10,9 @@ from tasks.plain import plain
 
 # Plain JSON whose content only the step that makes it knows: labels, evidence, histories.
 Json = dict[str, Any]
-# A correction's amounts or their 1-sigma, under keys such as `offset_px`; None where it is not determined.
-Amounts = dict[str, float | list[float] | None]
+# A correction's amounts or their 1-sigma, under keys such as `offset_px`; None where it is not determined,
+# or has no value: a target behind the camera was at no pixel before.
+Amounts = dict[str, float | list[float | None] | None]
 PlainJson = Annotated[Json, BeforeValidator(plain)]
 PlainAmounts = Annotated[Amounts, BeforeValidator(plain)]
 PoseField = Annotated[

@@ -1,7 +1,5 @@
 """Whether the corrections of a pass changed nothing that matters."""
 
-from typing import Any
-
 from tasks.accept.settings import StillSettings
 from tasks.correcting import CorrectionResult
 
@@ -21,11 +19,12 @@ def _small(results: list[CorrectionResult], key: str, neutral: float, limit: flo
     scatter of its residuals."""
     for result in results:
         changes, errors = _as_list(result.changed.get(key)), _as_list(result.formal.get(key))
-        errors = errors or [0.0] * len(changes)
-        if any(abs(c - neutral) > max(limit, e / 2) for c, e in zip(changes, errors, strict=True)):
-            return False
+        errors = errors or [None] * len(changes)
+        for change, error in zip(changes, errors, strict=True):
+            if change is None or abs(change - neutral) > max(limit, (error or 0.0) / 2):
+                return False
     return True
 
 
-def _as_list(value: Any) -> list[float]:
+def _as_list(value: float | list[float | None] | None) -> list[float | None]:
     return [] if value is None else list(value) if isinstance(value, list) else [value]

@@ -14,6 +14,8 @@ from flows.image import Corrected, corrected_or_explained
 from flows.profile import Profile
 from flows.request import Request
 from flows.verdict import doubts
+from tasks.accept.rest import at_rest
+from tasks.accept.settings import StillSettings
 from tasks.correcting import CorrectionResult, Known
 from tasks.diagnose.step import Cause, DiagnoseResult
 from tasks.record import Record
@@ -114,3 +116,9 @@ def test_the_cause_is_looked_for_where_a_doubt_may_follow_from_another_fault(
     chain = chain_of(tmp_path, ["joint"], ["joint"], evidence={"doubt": said})
     assert doubts(chain) == told
     assert ("diagnose" in chain.done) == (said == FOLLOWS)
+
+
+def test_a_move_from_behind_the_camera_has_no_pixels_and_is_not_at_rest() -> None:
+    moved = CorrectionResult(pose=POSE, changed={"offset_px": [float("nan"), float("nan")]}, uncertainty={})
+    assert moved.model_dump(mode="json")["changed"] == {"offset_px": [None, None]}
+    assert not at_rest([moved], StillSettings())
