@@ -31,9 +31,10 @@ LEAST_DISKS = 0.5
 
 
 def find_in_front(observation: Observation, pose: Pose, scene: Scene, min_overlap: float) -> CoarseFind | None:
-    """Place of the target in the frame, as `find_target`; None where no large bright body is in the frame."""
+    """Place of the target in the frame, as `find_target`; None where no large bright body is in the frame,
+    or where pixels that count as usable have no value."""
     share = scene.settings.behind_share
-    if share is None:
+    if share is None or not np.isfinite(observation.image[observation.usable]).all():
         return None
     n = reduction_for(pose, scene, TEMPLATE_DIAMETER_PX)
     observation = without_specks(observation, lit_width_px(pose, scene))

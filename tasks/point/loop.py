@@ -169,7 +169,10 @@ def doubt_of_rival(
 ) -> str | None:
     """The doubt that another place raises where the target fits nearly as well, now that it is known what is where it
     was found. alike: likeness there."""
-    there = likeness_at(without_disk(observation, found, scene), rival, scene)
+    try:
+        there = likeness_at(without_disk(observation, found, scene), rival, scene)
+    except FailedError:  # nothing usable is left there
+        return None
     if there < settings.rival_likeness:
         return None
     x, y = predicted_centre(rival, scene)

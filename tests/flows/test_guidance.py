@@ -211,7 +211,8 @@ def test_going_on_from_a_result_reproduces_it(correct: Correct, plain_result: di
     assert (np.abs(moved) < 0.5 * np.array(sigma["centre_px"])).all()
     assert result["range_factor"] == pytest.approx(plain_result["range_factor"], abs=0.5 * sigma["range_factor"])
     assert result["offset_px"] == pytest.approx(PLANTED_OFFSET_PX, abs=0.1)
-    assert result["roll_deg"] == pytest.approx(plain_result["roll_deg"], abs=0.5 * sigma["roll_deg"])
+    # Half of the prior's 0.1 deg: roll and the body's turn about the sight trade little by little for each other.
+    assert result["roll_deg"] == pytest.approx(plain_result["roll_deg"], abs=0.05)
     assert result["attitude_deg"] == pytest.approx(plain_result["attitude_deg"], abs=0.5 * min(sigma["attitude_deg"]))
     assert result["guidance"]["resumed_from"] == str(product)
     assert "start" in result["seconds"]

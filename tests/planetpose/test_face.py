@@ -62,9 +62,13 @@ PROMISED_OF_CORRECT = (
 )
 
 
+# A process that talks to Prefect sets the latter: what it starts by `python -m` is not to look in the working folder.
+OF_PYTHON = ("PYTHONPATH", "PYTHONSAFEPATH")
+
+
 def run(code: str, folder: Path, *options: str, **more: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, *options, "-c", code]
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | more
+    environment = {name: value for name, value in os.environ.items() if name not in OF_PYTHON} | more
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
 
 

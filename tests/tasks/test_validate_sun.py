@@ -82,6 +82,6 @@ def test_what_shows_no_disk_tells_nothing_of_the_sun() -> None:
 def test_a_doubt_needs_both_a_size_and_an_error_that_is_smaller(
     sun: dict[str, Any], settings: dict[str, Any], is_doubted: bool
 ) -> None:
-    report = {"sun": {"azimuth_deg": 9.0, "azimuth_sigma_deg": 1.0, **sun}}
-    assert (doubtful_sun(AcceptSettings(**settings), report) is not None) == is_doubted
-    assert doubtful_sun(AcceptSettings(), {}) is None
+    seen = SunReport(azimuth_deg=9.0, azimuth_sigma_deg=1.0, **sun)
+    assert (doubtful_sun(AcceptSettings(**settings), seen) is not None) == is_doubted
+    assert doubtful_sun(AcceptSettings(), SunReport()) is None
