@@ -55,9 +55,9 @@ class SystematicSettings(BaseModel):
     (see `tiles.limb_gain`); where it is off by more, they grow in proportion. distortion_share: part of the distortion
     model's error that the disk's limb does not average out. On 60
     scenes of the honesty benchmark, six laws, radius 12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and
-    73 % of the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2, by 0.008, 0.025 and 0.05 for
-    centre_px, limb_px and limb_gain; the present ones are 1.2 times as wide where the gains are off by more than 0.08,
-    as Enceladus' limb and ranges against the trajectory ask for. map_frame_deg: how
+    73 % of the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2, by 0.008 and 0.025 for
+    centre_px and limb_px; the present ones are twice as wide, as Enceladus' limb and ranges against the trajectory ask
+    for. map_frame_deg: how
     far a map lies from the frame of its body's coordinates, about each axis; two maps of Europa are 0.09 deg apart
     about one and 0.11 deg about the other."""
 
@@ -67,7 +67,7 @@ class SystematicSettings(BaseModel):
     attitude_deg: float = Field(0.03, ge=0)
     map_frame_deg: float = Field(0.1, ge=0)
     roll_deg: float = Field(0.03, ge=0)
-    limb_gain: float = Field(0.08, gt=0)
+    limb_gain: float = Field(0.05, gt=0)
     distortion_share: float = Field(0.25, ge=0)
 
 
