@@ -49,10 +49,17 @@ def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFil
 
 def explain_doubts(chain: Chain, known: Known, files: SceneFiles) -> None:
     """Where all that speaks against a corrected pose may be the consequence of something else, look for that cause:
-    `doubts` then tells it first."""
+    `doubts` then tells it first. A search that fails leaves the doubts as they are. Raises FailedError when the command
+    is interrupted."""
     found = doubts(chain)
-    if found and all(code_of(doubt) in CONSEQUENCES for doubt in found):
+    if not found or not all(code_of(doubt) in CONSEQUENCES for doubt in found):
+        return
+    try:
         chain.do(DIAGNOSE, diagnose_inputs(chain, known, found[0], True), files)
+    except PlanetposeError as error:
+        if error.code == "interrupted":
+            raise
+        logger.warning("%s: no cause could be looked for: %s", chain.request.product, error.reason)
 
 
 def diagnose_inputs(chain: Chain, known: Known, reason: str, try_explanations: bool) -> DiagnoseInputs:

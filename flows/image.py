@@ -69,14 +69,15 @@ def corrected_or_explained(chain: Chain, start: Corrected) -> Corrected:
     done without."""
     try:
         corrected = corrected_pose(chain, start)
-        explain_doubts(chain, start.known, start.files)
-        return corrected
     except PlanetposeError as error:
         cause = diagnose(chain, error, start.known, start.files)
         other = without_cause(chain, cause, start.known, start.files)
         if other is None:
             raise cause from error
         failure = error
+    else:
+        explain_doubts(chain, start.known, start.files)
+        return corrected
     try:
         return corrected_pose(chain, Corrected(*other))
     except PlanetposeError as error:

@@ -31,8 +31,10 @@ RIM_PX, LEAST_OF_RIM = 6.0, 0.1
 # Levels of the frame are of cells of at most so many pixels, a quarter of the radius: single pixels are noise.
 CELL_PX, CELL_RADII = 8, 0.25
 LIMB_POINTS = 360
-# Levels of the frame: per cent of the cells. The dark side of a moon may be all that is dark.
-DARK_PERCENT, BRIGHT_PERCENT = 0.2, 99.5
+# Levels of the frame: per cent of the cells. The dark side of a moon may be all that is dark. Bright is what such a
+# share of the target's disk exceeds, where that is less: a small disk in a large frame is no half per cent of it, and
+# the sky's noise would be what is bright, and the light that the optics scatter around the disk a body behind it.
+DARK_PERCENT, BRIGHT_PERCENT, BRIGHT_OF_DISK = 0.2, 99.5, 0.25
 # A rim that is brighter than the dark level by fewer sigmas of a cell's mean is dark.
 NOISE_SIGMAS = 6.0
 SWEEPS = 24
@@ -126,22 +128,24 @@ def distance_from_disk(pose: Pose, scene: Scene, window: Window) -> Image:
 def levels(observation: Observation, radius_px: float, share: float) -> tuple[float, float]:
     """The frame's dark level, and the level above which it is bright."""
     n = int(np.clip(CELL_RADII * radius_px, 1, CELL_PX))
+    of_disk = 100 * (1 - BRIGHT_OF_DISK * np.pi * radius_px**2 / observation.image.size)
+    key = n, max(BRIGHT_PERCENT, round(of_disk, 3))
     known = _known.get(id(observation.image))
     if known is None or known[0]() is not observation.image:
         # A loop asks again and again of the same image; one that is gone is forgotten.
-        for key in [key for key, (image, _) in list(_known.items()) if image() is None]:
-            _known.pop(key, None)
+        for gone in [place for place, (image, _) in list(_known.items()) if image() is None]:
+            _known.pop(gone, None)
         known = _known[id(observation.image)] = (weakref.ref(observation.image), {})
-    if n not in known[1]:
-        known[1][n] = cell_levels(observation, n)
-    dark, bright, noise = known[1][n]
+    if key not in known[1]:
+        known[1][key] = cell_levels(observation, *key)
+    dark, bright, noise = known[1][key]
     return dark, dark + max(share * (bright - dark), NOISE_SIGMAS * noise)
 
 
-_known: dict[int, tuple[weakref.ref[Image], dict[int, tuple[float, float, float]]]] = {}
+_known: dict[int, tuple[weakref.ref[Image], dict[tuple[int, float], tuple[float, float, float]]]] = {}
 
 
-def cell_levels(observation: Observation, n: int) -> tuple[float, float, float]:
+def cell_levels(observation: Observation, n: int, bright_percent: float) -> tuple[float, float, float]:
     """Darkest and brightest level of the frame in means of n x n pixels, and their noise."""
     import cv2
 
@@ -154,7 +158,7 @@ def cell_levels(observation: Observation, n: int) -> tuple[float, float, float]:
     enough = filled > 0.5
     if not enough.any():
         return 0.0, np.inf, 0.0
-    dark, bright = np.percentile(whole[enough] / filled[enough], [DARK_PERCENT, BRIGHT_PERCENT])
+    dark, bright = np.percentile(whole[enough] / filled[enough], [DARK_PERCENT, bright_percent])
     noise = float(np.nanmedian(np.where(usable[::n, ::n], observation.noise[::n, ::n], np.nan)))
     return float(dark), float(bright), noise / n if np.isfinite(noise) else 0.0
 
