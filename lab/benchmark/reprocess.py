@@ -8,7 +8,7 @@ import tomli_w
 
 from catalog.errors import FailedError
 from flows.profile import find_profile
-from lab.benchmark.small import watch_small
+from lab.benchmark.small import environment, watch_small
 from lab.faults.processes import Command
 
 Figures = dict[str, Any]
@@ -64,15 +64,6 @@ def started(images: Path, profile: str, workers: int, folder: Path) -> Command:
     """The command, with cache, store and server in `folder`."""
     arguments = [str(images), "--store", str(folder / "store"), "--profile", profile, "--workers", str(workers)]
     return Command(arguments, environment(folder))
-
-
-def environment(folder: Path) -> dict[str, str]:
-    """Of a command that keeps everything in `folder`."""
-    import os
-
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT")}
-    own = {"PLANETPOSE_CACHE": folder / "cache", "PLANETPOSE_STATE": folder / "state"}
-    return kept | {name: str(path) for name, path in own.items()} | {"PLANETPOSE_KERNELS": ""}
 
 
 def figures_of(command: Command) -> Figures:

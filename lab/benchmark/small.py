@@ -1,6 +1,7 @@
 """Very many small images: does any process grow, what does the orchestration cost, does the database stay usable?"""
 
 import json
+import os
 import time
 import urllib.request
 from pathlib import Path
@@ -20,8 +21,6 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
     """memory_mb: per process its resident size when a tenth of the images was done, in the middle and at the end.
     overhead_s: seconds of workers per image that went not into images: from the first image's begin to the last one's
     end, and of the whole command. database: its size, and how long it takes to answer."""
-    from lab.benchmark.reprocess import environment
-
     images = write_small_archive(folder / "archive", count)
     arguments = [str(images), "--store", str(folder / "store"), "--workers", str(workers)]
     command = Command([*arguments, "--profile", str(images.parent / PROFILE_FILE)], environment(folder))
@@ -48,6 +47,13 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
         "memory_mb": grown(samples, count),
         "database": database(folder / "state" / "server"),
     }
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Of a command that keeps everything in `folder`."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT")}
+    own = {"PLANETPOSE_CACHE": folder / "cache", "PLANETPOSE_STATE": folder / "state"}
+    return kept | {name: str(path) for name, path in own.items()} | {"PLANETPOSE_KERNELS": ""}
 
 
 def ended_images(command: Command) -> int:

@@ -21,7 +21,7 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.scale import Scale
 from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution, line_of, solve_joint
-from tasks.joint.tiles import limb_gain
+from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px

@@ -9,7 +9,7 @@ from tasks.joint.data import Data
 from tasks.joint.fit import Fit
 from tasks.joint.model import Model
 from tasks.joint.settings import JointSettings
-from tasks.joint.tiles import first_prior, learned_prior
+from tasks.joint.tile_prior import first_prior, learned_prior
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]

@@ -14,8 +14,8 @@ from catalog.errors import FailedError
 from tasks.kernels import plain_spice
 from tasks.kernels.exposure import Exposure
 from tasks.kernels.write import KernelSet
+from tasks.project.backplanes import ANGLES
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import ANGLES
 
 Array = NDArray[np.float64]
 CORRECTIONS = "CN+S"  # converged; LT+S leaves up to 2e-4 deg at light times of 10 s

@@ -16,8 +16,8 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import Window
 from tasks.project.mesh import Mesh
-from tasks.project.planes import Window
 from tasks.project.rays import spacecraft_in_radii
 from tasks.project.sight import sight_of
 from tasks.renderer import mitsuba, rendered

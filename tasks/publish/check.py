@@ -18,8 +18,8 @@ from catalog.observation import Quality
 from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import PLANES
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube

@@ -16,7 +16,7 @@ from tasks.joint.estimate import estimated, prior_sigmas
 from tasks.joint.orientation import ABOUT_PX, ACROSS_PX, with_least_error
 from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
 from tasks.joint.scale import Scale, width_in_frame_px
-from tasks.joint.tiles import limb_gain
+from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import of_the_body, systematic, times_usual
 
 ONCE = JointSettings(second_start=False)
