@@ -27,19 +27,6 @@ class BaseMap:
     left_edge_deg: float
     sha256: str
 
-    def sample(self, lat_deg: NDArray, lon_deg: NDArray) -> NDArray[np.float32]:
-        """Bilinear albedo at planetocentric latitude and east longitude (any shape), degrees; wraps in longitude."""
-        rows, columns = self.albedo.shape
-        x = np.mod(np.asarray(lon_deg, np.float64) - self.left_edge_deg, 360.0) * (columns / 360.0) - 0.5
-        y = np.clip((90.0 - np.asarray(lat_deg, np.float64)) * (rows / 180.0) - 0.5, 0, rows - 1)
-        left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-        fx, fy = (x - left).astype(np.float32), (y - top).astype(np.float32)
-        right, below = (left + 1) % columns, np.minimum(top + 1, rows - 1)
-        left = left % columns
-        upper = self.albedo[top, left] * (1 - fx) + self.albedo[top, right] * fx
-        lower = self.albedo[below, left] * (1 - fx) + self.albedo[below, right] * fx
-        return upper * (1 - fy) + lower * fy
-
     def moved(self, north_deg: float, east_deg: float) -> "BaseMap":
         """The map with all that it shows moved north and east, degrees; the poles' edge rows are held."""
         rows, _ = self.albedo.shape

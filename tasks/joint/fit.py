@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.robust import huber_cost, huber_weight
 from tasks.compiled import compiled
 from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
@@ -98,12 +99,12 @@ def scaled_inverse(matrix: Array) -> Array:
 
 def _cost(residual: Image, weight: Image, huber: float) -> float:
     size = np.abs(residual) * np.sqrt(weight)
-    return float(np.sum(np.where(size <= huber, size**2, huber * (2 * size - huber)), dtype=np.float64))
+    return float(np.sum(huber_cost(size, huber), dtype=np.float64))
 
 
 def _robust(weight: Image, residual: Image, huber: float) -> Image:
     size = np.abs(residual) * np.sqrt(weight)
-    return weight * np.minimum(1.0, np.float32(huber) / np.maximum(size, np.float32(1e-6)))
+    return np.asarray(weight * huber_weight(size, huber))
 
 
 @compiled

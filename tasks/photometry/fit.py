@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError, RefusedError
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.photometry.laws import PhotometricLaw, Values
 from tasks.photometry.region import RegionPixels
 
@@ -200,10 +201,10 @@ class _Problem:
         """Inverse variances after Huber's down-weighting, and the mean size of the residuals."""
         residual = self.residual(x)
         image = self.pixels.image
-        spread = np.array([1.4826 * np.median(np.abs(residual[image == i])) for i in range(len(self.level))])
+        spread = np.array([sigma_about_zero(residual[image == i]) for i in range(len(self.level))])
         sigma = np.maximum(spread, 1e-6)[image]
         size = np.abs(residual) / sigma
-        weight = counts * np.minimum(1, HUBER / np.maximum(size, 1e-12)) / sigma**2
+        weight = counts * huber_weight(size, HUBER) / sigma**2
         return weight, float(np.average(np.abs(residual), weights=counts))
 
     def covariance(self, x: Array, weight: Array) -> tuple[Array, str]:

@@ -15,6 +15,7 @@ from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Quality
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
+from tasks.geometry.bilinear import map_values
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE
@@ -154,7 +155,8 @@ def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: 
     value, incidence, emission, phase, latitude, longitude = (table[name].to_numpy(np.float64) for name in names)
     albedo = np.ones_like(value)
     if albedo_map:
-        albedo = _map_as_coarse_as_pixels(source).sample(latitude, longitude).astype(np.float64)
+        basemap = _map_as_coarse_as_pixels(source)
+        albedo = map_values(basemap.albedo, basemap.left_edge_deg, latitude, longitude)
     return {
         "value": value - sky_level(source),
         "mu0": np.cos(np.radians(incidence)),

@@ -14,6 +14,7 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.geometry.unit_sphere import first_hits
 from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
@@ -102,18 +103,11 @@ def rays_of(pose: Pose, camera: Camera, target: Target) -> Rays:
 
 
 def intersect(rays: Rays, xy_px: ArrayLike) -> Array:
-    """Nearest intersections (..., 3) with the unit sphere of pixels (..., 2); NaN where the line misses it.
-
-    Paper, equations 13-16, solved from the point of closest approach, which keeps the root accurate at the limb.
-    """
+    """Nearest intersections (..., 3) with the unit sphere of pixels (..., 2); NaN where the line misses it
+    (paper, equations 13-16)."""
     anchor, backward = rays.at(xy_px)
-    length2 = dot(backward, backward)
-    closest = anchor - backward * (dot(anchor, backward) / length2)
-    with np.errstate(invalid="ignore"):
-        half_chord = np.sqrt(1.0 - dot(closest, closest))
-    point = closest + backward * (half_chord / np.sqrt(length2))
-    ahead = dot(rays.spacecraft - point, backward) > 0
-    return np.where(ahead, point, np.nan)
+    points = first_hits(anchor.reshape(-1, 3), backward.reshape(-1, 3), rays.spacecraft)
+    return points.reshape(anchor.shape)
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.undistort.bending import USUAL_PX_PER_DN, USUAL_SPREAD_PX_PER_DN, BendingField
 from tasks.undistort.mark_set import FitReport, MarkSet
 from tasks.undistort.model import PointMap, Points, solve_points
@@ -111,8 +112,7 @@ def coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
             return 0.0, float("inf")
         k = float((weight * errors * pulls).sum()) / norm
         rest = errors - k * pulls
-        limit = ROBUST_LIMIT * 1.4826 * float(np.median(np.abs(rest)))
-        weight = limit / np.maximum(np.abs(rest), max(limit, 1e-12))
+        weight = huber_weight(np.abs(rest), ROBUST_LIMIT * sigma_about_zero(rest))
     alike = max(float(np.average(rest**2, weights=weight)), 1.0) / norm
     apart = float(((weight * pulls * rest) ** 2).sum()) / norm**2
     return k, float(np.sqrt(max(alike, apart)))

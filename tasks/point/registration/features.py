@@ -3,6 +3,7 @@
 import numpy as np
 
 from catalog.errors import FailedError
+from catalog.robust import sigma_about_zero
 from tasks.compare.brightness import correlation
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
@@ -39,7 +40,7 @@ def register_features(match: Match) -> Shift:
             "The disk or the map is too bland; try another registration.",
         )
     offset = np.median(agreed, axis=0)
-    spread = 1.4826 * np.median(np.abs(agreed - offset), axis=0)
+    spread = np.array([sigma_about_zero(along) for along in (agreed - offset).T])
     covariance = np.diag((1.2533 * spread) ** 2 / len(agreed))
     return Shift(offset, covariance, 1, correlation(image, simulated, match.usable))
 
