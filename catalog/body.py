@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 
 SECONDS_PER_DAY = 86400.0
 DAYS_PER_CENTURY = 36525.0
@@ -94,7 +95,7 @@ class Target(BaseModel):
             digest = sha256_of_file(Path(path), MAX_SHAPE_BYTES)
         except OSError as error:
             raise RefusedError(
-                "shape-unreadable", f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."
+                Reason.SHAPE_UNREADABLE, f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."
             ) from error
         return self.model_copy(update={"shape": str(Path(path).absolute()), "shape_sha256": digest})
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from catalog.body import RotationModel, Target
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.spice import kernel_pool
 
 
@@ -26,7 +27,7 @@ def target_from_pck(
             naif_id = None
         if naif_id is None or not spiceypy.bodfnd(naif_id, "RADII"):
             raise RefusedError(
-                "target-unknown",
+                Reason.TARGET_UNKNOWN,
                 f"target {name_or_id!r} is neither in the catalog nor in a loaded PCK.",
                 _remedy(name_or_id, _bodies_with_radii(), other_names, catalog),
             )

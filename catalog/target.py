@@ -12,6 +12,7 @@ from catalog.errors import RefusedError
 from catalog.pck import target_from_pck
 from catalog.plain_files import read_toml_file
 from catalog.plugins import TARGETS, Plugin, contributed, toml_given
+from catalog.reasons import Reason
 from catalog.regular_file import is_regular
 
 __all__ = ["RotationModel", "Target"]
@@ -48,7 +49,7 @@ def target_from_dict(content: dict[str, Any], origin: str) -> Target:
         return Target.model_validate(content)
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
-        raise RefusedError("target-file-invalid", f"target file {origin}: {faults}.", TARGET_REMEDY) from error
+        raise RefusedError(Reason.TARGET_FILE_INVALID, f"target file {origin}: {faults}.", TARGET_REMEDY) from error
 
 
 def read_target_file(path: Path) -> Target:
@@ -60,7 +61,7 @@ def read_target_file(path: Path) -> Target:
         content = read_toml_file(path)
     except (OSError, ValueError) as error:
         fault = f"target file {path} cannot be read: {error}."
-        raise RefusedError("target-file-unreadable", fault, TARGET_REMEDY) from error
+        raise RefusedError(Reason.TARGET_FILE_UNREADABLE, fault, TARGET_REMEDY) from error
     target = target_from_dict(content, str(path))
     if target.basemap and is_regular(path.parent / target.basemap):
         target = target.model_copy(update={"basemap": str((path.parent / target.basemap).absolute())})

@@ -268,3 +268,37 @@ def test_a_cached_answer_imports_nothing_that_is_slow() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# Words that name nothing that the field knows; readers and flows are next.
+VAGUE = re.compile(r"told|asked|believe|untold|workman|workforce|telling|settling|judge")
+NAMED_BY_THE_FIELD = re.compile(r"masked")
+
+
+def names_in(path: Path) -> Iterator[str]:
+    """Every identifier that a module makes or uses, its own name and those of the modules that it imports."""
+    yield path.stem
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg) or (isinstance(node, ast.keyword) and node.arg):
+            yield node.arg
+        elif isinstance(node, ast.alias):
+            yield from node.name.split(".")
+
+
+def test_identifiers_are_the_fields_or_plain_words() -> None:
+    named = [path for path in SOURCES if name_of(path).startswith(("tasks/", "catalog/", "planetpose/"))]
+    vague = {
+        f"{name_of(path)}: {name}"
+        for path in named
+        if not name_of(path).startswith("catalog/readers/")
+        for name in names_in(path)
+        if VAGUE.search(NAMED_BY_THE_FIELD.sub("", name.lower()))
+    }
+    assert vague == set()
+    assert "backplanes" in {part for path in named for part in names_in(path)}

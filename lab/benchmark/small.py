@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from flows.reprocessing.memory import resident_mb
 from lab.faults.processes import Command, children_of, command_line
 from lab.simulate.small_archive import PROFILE_FILE, write_small_archive
@@ -31,7 +32,7 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
     command.await_end()
     summary = command.summary
     if summary is None:
-        raise FailedError("benchmark", "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
+        raise FailedError(Reason.BENCHMARK, "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
     first, last = (command.stamps[event] for event in ("step", "finished"))
     during_s = last[-1] - first[0]
     return {
@@ -109,7 +110,7 @@ def database(server: Path) -> dict[str, float | int]:
         _, page_s = ask(url, "task_runs/filter", {"limit": 200, "sort": "EXPECTED_START_TIME_DESC"})
         _, flows_s = ask(url, "flow_runs/filter", {"limit": 50})
     except (OSError, ValueError) as error:
-        raise FailedError("database", f"Prefect's database does not answer: {error}.") from error
+        raise FailedError(Reason.DATABASE, f"Prefect's database does not answer: {error}.") from error
     return {"mb": size_mb, "task_runs": count, "count_s": count_s, "page_of_200_s": page_s, "flow_runs_s": flows_s}
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from catalog.robust import sigma_about_zero
 from tasks.compare.match import Match
 
@@ -43,7 +44,7 @@ def robust_least_squares(
     count = int(np.count_nonzero(base > 0))
     if count <= n:
         fault = "no usable pixels lie under the simulated target."
-        raise FailedError("no-usable-pixels", fault, "Check the predicted pose, --start-offset and --mask.")
+        raise FailedError(Reason.NO_USABLE_PIXELS, fault, "Check the predicted pose, --start-offset and --mask.")
     stride = max(1, base.size // SIGMA_SAMPLES)
     limit = np.inf
     solution = np.zeros(n)

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.fit import Fit
+from tasks.joint.normal_equations import Fit
 from tasks.joint.settings import TileSettings
 from tasks.joint.tiles import GAINS, LOCAL
 
@@ -34,7 +34,7 @@ def learned_prior(fit: Fit, before: NDArray, sectors: int, settings: TileSetting
     by_noise = np.einsum("tij,tji->ti", shrunk, fit.own_covariance)
     prior = np.empty_like(before)
     for part in (limb, ~limb):
-        known = part & (fit.told > SEEN / largest[0] ** 2)
+        known = part & (fit.gain_information > SEEN / largest[0] ** 2)
         sigma = largest
         if known.sum() >= FEWEST:
             surplus = (fit.own[known] ** 2 - by_noise[known]).sum(axis=0)
@@ -55,7 +55,7 @@ def limb_gain(fit: Fit, before: NDArray, sectors: int, settings: TileSettings) -
     """RMS of the gains of the sectors along the limb in a fit with the inverse variances `before` (tiles, LOCAL),
     beyond what noise makes them: what map and laws get wrong of the limb's brightness, relative. 0 where the image
     tells too few of them."""
-    known = np.flatnonzero(fit.told[:sectors] > SEEN / max(settings.gain, HELD) ** 2)
+    known = np.flatnonzero(fit.gain_information[:sectors] > SEEN / max(settings.gain, HELD) ** 2)
     if len(known) < FEWEST:
         return 0.0
     own, variance = fit.own[known, 0], fit.own_covariance[known, 0, 0]

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.geometry.unit_sphere import first_hits
 from tasks.project.sight import sight_of
@@ -63,7 +64,7 @@ def spacecraft_in_radii(pose: Pose, target: Target) -> Array:
     spacecraft = sight_of(pose, target).spacecraft_km / np.asarray(target.radii_km)
     if spacecraft @ spacecraft <= 1.0:
         raise RefusedError(
-            "spacecraft-inside-target",
+            Reason.SPACECRAFT_INSIDE_TARGET,
             f"the pose puts the spacecraft {pose.range_km:.6g} km from the centre of {target.name}, inside the body.",
             "Check target_from_spacecraft_km (kilometres) and the target's radii.",
         )
@@ -75,7 +76,7 @@ def sun_in_radii(pose: Pose, target: Target) -> Array:
     sun = pose.body_from_j2000 @ pose.sun_from_target_km / np.asarray(target.radii_km)
     if sun @ sun <= 1.0:
         raise RefusedError(
-            "sun-inside-target",
+            Reason.SUN_INSIDE_TARGET,
             f"the pose puts the Sun {np.linalg.norm(pose.sun_from_target_km):.6g} km from the centre of {target.name}.",
             "Check sun_from_target_km: kilometres, not a unit vector.",
         )

@@ -83,7 +83,7 @@ def fit_bent_plate(
     px_per_dn, spread = with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
     unbent = marks.object_xy - px_per_dn * field(marks.raw_xy)
     surface = SmoothSurface(
-        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
+        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, assessed=marks.found
     )
     plate = plate_of_surface(marks, surface, degree)
     absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), marks.sigma_px, marks.raw_size_px, degree, smoothing)

@@ -60,7 +60,7 @@ def fit_marks(observation: Observation, start_xy: Array) -> MarkFit:
         background = background + step[:, 3:]
         if np.abs(move).max(initial=0) < SETTLED_PX:
             break
-    return windows.judged(offset, depth, background)
+    return windows.assessed(offset, depth, background)
 
 
 def _normal(jacobian: Array, weight: Array) -> Array:
@@ -121,7 +121,7 @@ class _Windows:
         )
         return self.pixels - light * shade, np.concatenate([spot_columns, self.terms * shade[..., None]], axis=-1)
 
-    def judged(self, offset: Array, depth: Array, background: Array) -> MarkFit:
+    def assessed(self, offset: Array, depth: Array, background: Array) -> MarkFit:
         residual, jacobian = self.linearised(offset, depth, background)
         weight = self.weight * _huber(residual, self.weight)
         freedom = np.maximum((self.weight > 0).sum(axis=1) - jacobian.shape[2], 1)

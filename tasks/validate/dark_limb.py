@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.robust import MAD_TO_SIGMA
 from tasks.compare.match import framed_window
 from tasks.project.curves import limb
@@ -126,6 +127,6 @@ def doubt_of_dark_limb(found: DarkLimb) -> str | None:
     if not found.is_fault:
         return None
     return (
-        f"light-outside-the-limb: {found.outside} of {found.dark} sectors of the dark limb have their edge "
+        f"{Reason.LIGHT_OUTSIDE_THE_LIMB}: {found.outside} of {found.dark} sectors of the dark limb have their edge "
         f"{found.outside_px:.1f} px (median) outside the model's. Check range, Sun direction, orientation and target."
     )

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from lab.simulate.writers.galileo import write_galileo
 from lab.simulate.writers.lorri import write_lorri
 from lab.simulate.writers.raw_image import RawImage
@@ -30,7 +31,7 @@ def _format(camera: Camera) -> tuple[str, Callable[[RawImage, Path], None]]:
     found = formats.get(camera.label_dialect or "")
     if found is None:
         raise RefusedError(
-            "format-not-written",
+            Reason.FORMAT_NOT_WRITTEN,
             f"files of camera {camera.name} ({camera.label_dialect or 'no label dialect'}) cannot be written.",
             f"Formats that can: {', '.join(formats)}.",
         )

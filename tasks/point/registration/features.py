@@ -3,6 +3,7 @@
 import numpy as np
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from catalog.robust import sigma_about_zero
 from tasks.compare.brightness import correlation
 from tasks.compare.match import Match
@@ -35,7 +36,7 @@ def register_features(match: Match) -> Shift:
     agreed = _agreeing(displacements)
     if len(agreed) < MIN_MATCHES:
         raise FailedError(
-            "too-few-features",
+            Reason.TOO_FEW_FEATURES,
             f"only {len(agreed)} features of image and simulation agree, needed {MIN_MATCHES}.",
             "The disk or the map is too bland; try another registration.",
         )
