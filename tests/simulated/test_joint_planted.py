@@ -25,6 +25,7 @@ from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.coarse_to_fine import estimated, prior_sigmas
 from tasks.joint.cramer_rao import cramer_rao
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
+from tasks.joint.problem import Problem
 from tasks.joint.settings import PriorSettings, SystematicSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import Window
@@ -66,9 +67,10 @@ def test_matched_images_are_solved_about_as_well_as_noise_allows(camera: Camera,
     errors = []
     for seed in range(SEEDS):
         seen = observed(image, 2 * NOISE_DN, seed)
-        found = estimated(seen, start, planted_state, sigmas, scene, settings)
+        given = Problem(seen, scene, planted_state, sigmas, settings)
+        found = estimated(given, start)
         errors.append(difference(found.state, planted_state, camera))
-    bound = cramer_rao(seen, planted_state, scene, settings, sigmas)
+    bound = cramer_rao(given, planted_state)
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
     print("mean", np.round(np.mean(errors, axis=0), 5), "std", np.round(np.std(errors, axis=0), 5))
     for name, seen_error, least in zip(NAMES, rms, bound, strict=True):

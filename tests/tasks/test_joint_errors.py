@@ -11,15 +11,16 @@ from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.attitude.texture import texture_of
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.beam_bending import DistortionError
 from tasks.joint.coarse_to_fine import estimated, prior_sigmas
-from tasks.joint.orientation import ABOUT_PX, ACROSS_PX, with_least_error
+from tasks.joint.orientation import with_least_error
 from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
+from tasks.joint.problem import DistortionError, Problem
 from tasks.joint.pyramid import Level, width_in_frame_px
 from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import of_the_body, systematic, times_usual
 
 ONCE = JointSettings(second_start=False)
+LIMITS = ONCE.thresholds.orientation
 
 
 def test_radius_and_relief_of_the_body_are_errors_of_range_and_centre() -> None:
@@ -119,7 +120,7 @@ def test_what_a_map_gets_wrong_of_the_limbs_brightness_is_seen(noise: float, lea
     wrong = scene.basemap.albedo * np.clip(1 + noise * grain / grain.std(), 0.2, None)
     seen = observation_of(replace(scene, basemap=replace(scene.basemap, albedo=wrong.astype(np.float32))), truth)
     start = State(truth, camera.psf_sigma_px)
-    found = estimated(seen, start, start, prior_sigmas(ONCE.priors.file), scene, ONCE).free
+    found = estimated(Problem(seen, scene, start, prior_sigmas(ONCE.priors.file), ONCE), start).free
     gain = limb_gain(found.fit, found.variances.tiles, found.model.tiles.sectors, ONCE.tiles)
     print(f"\nnoise of the map {noise}: gains along the limb {gain:.4f}")
     assert least <= gain <= most
@@ -131,24 +132,26 @@ def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across() -> Non
     seen = observation_of(scene, truth)
     texture = texture_of(seen, truth, scene)
     start = State(truth, camera.psf_sigma_px)
-    estimate = estimated(seen, start, start, prior_sigmas(ONCE.priors.file), scene, ONCE)
+    estimate = estimated(Problem(seen, scene, start, prior_sigmas(ONCE.priors.file), ONCE), start)
     assert texture is not None
-    added = with_least_error(estimate, texture, np.zeros(3)).covariance - estimate.covariance
+    added = with_least_error(estimate, texture, np.zeros(3), LIMITS).covariance - estimate.covariance
     pose = estimate.state.pose
     sight = pose.camera_from_body.T @ pose.target_in_camera_km / pose.range_km
     across = np.cross(sight, [0.3, -0.5, 0.8])
     across /= np.linalg.norm(across)
     turns = added[ATTITUDE, ATTITUDE]
     pixel_deg = np.degrees(1 / 30)  # the disk's radius is 30 px
-    assert np.sqrt(sight @ turns @ sight) == pytest.approx(ABOUT_PX * pixel_deg, rel=0.1)
-    assert np.sqrt(across @ turns @ across) == pytest.approx(ACROSS_PX * pixel_deg, rel=0.1)
+    assert np.sqrt(sight @ turns @ sight) == pytest.approx(LIMITS.about_px * pixel_deg, rel=0.1)
+    assert np.sqrt(across @ turns @ across) == pytest.approx(LIMITS.across_px * pixel_deg, rel=0.1)
     assert not added[: ATTITUDE.start].any()
 
 
 def test_scales_convert_states_and_displacements() -> None:
     camera = small_camera(120.0, (176, 176))
     scene, truth = scene_of(camera), true_pose(camera)
-    scale = Level.of(observation_of(scene, truth), scene, State(truth, 0.9), 60.0)
+    state = State(truth, 0.9)
+    given = Problem(observation_of(scene, truth), scene, state, np.full(PSF + 1, np.inf), ONCE)
+    scale = Level.of(given, state, 60.0)
     assert scale.n == 2
     assert scale.up(scale.down(State(truth, 0.9))).psf_sigma_px == pytest.approx(0.9)
     assert scale.planes_down(np.full((2, 176, 176), 0.4, np.float32)) == pytest.approx(np.full((2, 88, 88), 0.2))
