@@ -61,11 +61,11 @@ def without_markings(given: Problem) -> Problem:
     return given.with_attitude_held().with_settings(plain=())
 
 
-def prior_sigmas(priors: PriorSettings) -> Array:
-    """1-sigma (8,) of the priors in the unknowns' order; inf where free."""
+def prior_sigmas(priors: PriorSettings, range_km: float) -> Array:
+    """1-sigma (8,) of the priors in the unknowns' order, at a predicted range; inf where free."""
     sigmas = np.full(len(NAMES), np.inf)
     for places, sigma in (
-        (RANGE, priors.range_relative),
+        (RANGE, priors.range_sigma(range_km)),
         (ROLL, priors.roll_deg),
         (ATTITUDE, priors.attitude_deg),
         (PSF, priors.psf_relative),
@@ -93,6 +93,7 @@ def estimated(given: Problem, start: State) -> Estimate:
     # Per pixel of the image, in its pixels.
     response = np.diag(level.step_up(np.ones(len(NAMES)))) @ limb_response(free) / level.n
     own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
+    own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, level))
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)

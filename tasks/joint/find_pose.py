@@ -62,7 +62,8 @@ def find_pose_jointly(
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
     priors = settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
-    given = Problem(observation, scene, metadata, prior_sigmas(priors), settings, distortion, progress)
+    sigmas = prior_sigmas(priors, metadata.pose.range_km)
+    given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress)
     start = State(pose, scene.psf_sigma_px)
     is_held = "attitude" in settings.hold
     if is_uniform(scene):
@@ -80,7 +81,7 @@ def find_pose_jointly(
     estimate, led, orientation = oriented(given, Solvers(solve, lead), start, markings_match, is_held)
     away = second_start(given, start, estimate) if settings.second_start else None
     correction = as_correction(given, estimate, start, away, led, orientation)
-    correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
+    correction.evidence["map_frame_deg"] = scene.map_frame_deg
     correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
     if not is_offset_from(predicted, pose, scene.camera):
         correction.evidence["predicted_to_free"] = None

@@ -65,7 +65,7 @@ def systematic(
     sigma = np.zeros(MOVING)
     sigma[OFFSET] = np.hypot(settings.centre_px * larger, shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px * larger, shared_px) / radius_px
-    sigma[ATTITUDE] = np.hypot(settings.attitude_deg, settings.map_frame_deg)
+    sigma[ATTITUDE] = settings.attitude_deg
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
 

@@ -31,7 +31,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import Window
 
 DIAMETER_PX = 90.0
-LOOSE = PriorSettings(range_relative=None, roll_deg=0.2, attitude_deg=3.0, psf_relative=0.3)
+LOOSE = PriorSettings(range_km=None, roll_deg=0.2, attitude_deg=3.0, psf_relative=0.3)
 ONCE = JointSettings(second_start=False)
 SEEDS = 8
 NO_FLOOR = SystematicSettings(centre_px=0, limb_px=0, attitude_deg=0, roll_deg=0)
@@ -57,7 +57,7 @@ def wrong(truth: Pose, camera: Camera) -> Pose:
 
 
 def test_matched_images_are_solved_about_as_well_as_noise_allows(camera: Camera, scene: Scene, truth: Pose) -> None:
-    sigmas, planted_state = prior_sigmas(LOOSE), State(truth, 0.8)
+    sigmas, planted_state = prior_sigmas(LOOSE, truth.range_km), State(truth, 0.8)
     settings = ONCE.model_copy(update={"systematic": NO_FLOOR})
     surface = TrueSurface("mixture", {"lambert": 0.4, "lommel-seeliger": 0.6}, scene.basemap)
     picture = picture_of(truth, camera, scene.target, surface, planted_state.psf_sigma_px)

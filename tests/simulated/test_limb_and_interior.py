@@ -20,7 +20,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 SETTINGS = JointSettings(second_start=False, oversample=3, hold=("attitude",), plain=())
-SIGMAS = prior_sigmas(SETTINGS.priors.file)
+SIGMAS = prior_sigmas(SETTINGS.priors.file, 1.5e5)
 SIZE = (140, 140)
 CAMERA = small_camera(100.0, SIZE).model_copy(update={"centre_px": (69.5, 69.5)})
 SPHERE = EUROPA.model_copy(update={"radii_km": (1560.8,) * 3, "radius_sigma_km": 0.0, "relief_km": 0.0})

@@ -27,7 +27,7 @@ from tasks.joint.problem import Problem
 from tasks.simulate import Scene
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
-SIGMAS = prior_sigmas(SETTINGS.priors.file)
+SIGMAS = prior_sigmas(SETTINGS.priors.file, 1.5e5)
 LIMITS = SETTINGS.thresholds.contradiction
 PULLED_PX, PULLED_RANGE = (0.9, -0.6), 1.004
 CAMERA = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})

@@ -15,7 +15,7 @@ from tasks.joint.parameters import ROLL, State
 from tasks.joint.problem import Problem
 
 SETTINGS = JointSettings(oversample=2)
-SIGMAS = prior_sigmas(SETTINGS.priors.file)
+SIGMAS = prior_sigmas(SETTINGS.priors.file, 1.5e5)
 CAMERA = small_camera(70.0, (100, 100)).model_copy(update={"centre_px": (49.5, 49.5)})
 TRUTH = State(true_pose(CAMERA), CAMERA.psf_sigma_px)
 AWAY = np.array([1.5, -1.0, 0, 0, 0, 0, 0, 0])
