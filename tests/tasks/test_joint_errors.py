@@ -86,7 +86,9 @@ def test_a_disk_solved_at_half_the_resolution_is_found_and_told_in_the_image_s_p
     assert np.hypot(*error.centre_px) < 0.06
     assert abs(error.range) < 1.5e-3
     assert found.changed["psf_sigma_px"] == pytest.approx(whole.changed["psf_sigma_px"], rel=0.1)
-    assert found.uncertainty["offset_px"][0] == pytest.approx(whole.uncertainty["offset_px"][0], rel=1.0)
+    # Half of the resolution loses little: the disk is blurred over two pixels.
+    ratio = np.array(found.uncertainty["offset_px"]) / whole.uncertainty["offset_px"]
+    assert ((ratio > 0.8) & (ratio < 1.6)).all(), ratio
 
 
 def test_an_error_of_the_bending_common_to_all_pixels_is_an_error_of_the_centre() -> None:

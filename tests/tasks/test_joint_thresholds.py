@@ -86,3 +86,10 @@ def test_few_functions_have_more_than_six_parameters() -> None:
         and len([a for a in (*node.args.args, *node.args.kwonlyargs) if a.arg not in ("self", "cls")]) > 6
     }
     assert many <= {"find_pose.py: find_pose_jointly", "surface.py: _trace"}
+
+
+def test_every_module_of_the_joint_step_is_tried_by_a_test() -> None:
+    """Of what has anything to try: modules that a test imports from by name."""
+    tests = "".join(path.read_text() for path in (FOLDER.parents[1] / "tests").rglob("test_*.py"))
+    tried = {path.name for path in MODULES if f"tasks.joint.{path.stem} import" in tests}
+    assert {path.name for path in MODULES if path.stem != "__init__"} - tried <= {"model.py"}
