@@ -1,6 +1,8 @@
 """A camera is one TOML file: the pinhole geometry of its undistorted frame, raw detector, noise, PSF and kernels."""
 
 import math
+import re
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.focal_plane import FocalPlane
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
 
@@ -58,8 +61,13 @@ class Camera(BaseModel):
     focal_length_sigma: float = Field(default=3e-4, ge=0, lt=0.1)
     focal_length_mm: float | None = Field(default=None, gt=0)
     pixel_pitch_mm: float | None = Field(default=None, gt=0)
+    # Of a camera whose focal length changes: its polynomial in degrees Celsius of the focal plane, mm; and what a filter
+    # changes of this file, by the filter's name in capitals with _ between the parts (CL1_GRN). See `Camera.at`.
+    focal_length_mm_by_temperature: tuple[float, ...] = ()
+    filters: dict[str, dict[str, Any]] = Field(default_factory=dict)
     raw_size_px: tuple[int, int] | None = None
     valid_window: tuple[int, int, int, int] | None = None  # x0, y0, width, height in the raw frame
+    focal_plane: FocalPlane | None = None  # None: an upright detector of square pixels with the boresight at centre_px
     distortion: Distortion = Distortion()
     psf_sigma_px: float = Field(default=0.7, ge=0)
     noise: Noise = Noise()
@@ -78,6 +86,7 @@ class Camera(BaseModel):
     label_names: tuple[str, ...] = ()
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs
     sources: tuple[str, ...] = ()
+    tried: str = ""  # how far the file was tried on images
 
     @model_validator(mode="before")
     @classmethod
@@ -104,6 +113,77 @@ class Camera(BaseModel):
     def detector_size_px(self) -> tuple[int, int]:
         """Size (nx, ny) of the raw frame; the undistorted one's unless the camera says otherwise."""
         return self.raw_size_px or self.size_px
+
+    @classmethod
+    def from_kernels(
+        cls,
+        kernels: Iterable[Path | str],
+        instrument: str | int,
+        et: float | None = None,
+        *,
+        filter_name: str | None = None,
+        temperature_c: float | None = None,
+        size_px: tuple[int, int] | None = None,
+    ) -> "Camera":
+        """Camera of a NAIF instrument (name or id) from IK, FK and ISIS' instrument addenda among `kernels`.
+
+        et: TDB seconds past J2000, where the optics changed in flight. filter_name, temperature_c (of the focal plane):
+        choose the focal length at once; without them `at` does later. size_px: of the frame, where no kernel says it.
+        Raises RefusedError for an unknown instrument, missing keywords (naming them) and line scanners.
+        """
+        from catalog.kernel_camera import camera_from_kernels
+
+        return camera_from_kernels(map(Path, kernels), instrument, et, filter_name, temperature_c, size_px)
+
+    @classmethod
+    def from_isd(cls, path: Path | str) -> "Camera":
+        """Camera of an image support data file (ISD, JSON) of USGS' ALE for the Community Sensor Model.
+
+        Raises RefusedError when the file is no ISD of a frame camera.
+        """
+        from catalog.isd import camera_from_isd
+
+        return camera_from_isd(Path(path))
+
+    def at(self, filter_name: str | None = None, temperature_c: float | None = None) -> "Camera":
+        """The camera with the focal length of a filter, or of a temperature (degrees Celsius) of its focal plane; itself
+        where its file knows no difference."""
+        changes: dict[str, Any] = {}
+        if self.focal_length_mm_by_temperature and temperature_c is not None:
+            powers = enumerate(self.focal_length_mm_by_temperature)
+            changes["focal_length_mm"] = sum(value * temperature_c**power for power, value in powers)
+        if filter_name:
+            changes |= self.filters.get(re.sub(r"[^A-Z0-9]+", "_", filter_name.upper()).strip("_"), {})
+        if not changes:
+            return self
+        content = self.model_dump(exclude_unset=True, exclude={"focal_length_px"}) | changes
+        return camera_from_dict(content, f"{self.name}, filter {filter_name}, {temperature_c} degrees Celsius")
+
+    def to_toml(self) -> str:
+        """Content of a camera file (TOML) that `read_camera_file` reads to the same camera."""
+        from tomli_w import dumps
+
+        left_out = {"focal_length_px"} if self.focal_length_mm and self.pixel_pitch_mm else set()
+        return dumps(self.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude=left_out))
+
+    def detector_ray(self, xy_px: ArrayLike) -> NDArray[np.float64]:
+        """Unit camera-frame vectors (..., 3) of raw detector pixels (..., 2), 0-based, distortion removed.
+
+        NaN where the distortion model has no answer. Raises RefusedError where the camera's distortion is measured on
+        the marks of each image.
+        """
+        from catalog.optics import optics_of
+
+        return self.ray(optics_of(self).undistort_points(xy_px))
+
+    def detector_pixel(self, direction: ArrayLike) -> NDArray[np.float64]:
+        """Raw detector pixels (..., 2), 0-based, of camera-frame vectors (..., 3): the inverse of `detector_ray`.
+
+        NaN behind the camera (Z <= 0) and where the distortion model has no answer.
+        """
+        from catalog.optics import optics_of
+
+        return optics_of(self).distort_points(self.project(direction))
 
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of camera-frame vectors (..., 3). A vector behind the camera (Z <= 0) gives NaN."""
