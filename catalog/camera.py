@@ -13,10 +13,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from catalog.focal_plane import FocalPlane
+from catalog.made_camera import is_made, made_camera
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
+# An array that tomli-w spreads over lines, of numbers or of rows of numbers.
+NUMBERS_IN_ROWS = re.compile(r"\[\n(?:\s+(?:[-+.\deEinfa]+|\[[^\[\]\n\"]*\]),\n)+\s*\]")
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
 
 
@@ -61,8 +64,8 @@ class Camera(BaseModel):
     focal_length_sigma: float = Field(default=3e-4, ge=0, lt=0.1)
     focal_length_mm: float | None = Field(default=None, gt=0)
     pixel_pitch_mm: float | None = Field(default=None, gt=0)
-    # Of a camera whose focal length changes: its polynomial in degrees Celsius of the focal plane, mm; and what a filter
-    # changes of this file, by the filter's name in capitals with _ between the parts (CL1_GRN). See `Camera.at`.
+    # Of a camera whose focal length changes: its polynomial in degrees Celsius of the focal plane, mm; and what a
+    # filter changes of this file, by the filter's name in capitals with _ between the parts (CL1_GRN). See `Camera.at`.
     focal_length_mm_by_temperature: tuple[float, ...] = ()
     filters: dict[str, dict[str, Any]] = Field(default_factory=dict)
     raw_size_px: tuple[int, int] | None = None
@@ -146,7 +149,7 @@ class Camera(BaseModel):
         return camera_from_isd(Path(path))
 
     def at(self, filter_name: str | None = None, temperature_c: float | None = None) -> "Camera":
-        """The camera with the focal length of a filter, or of a temperature (degrees Celsius) of its focal plane; itself
+        """The camera with the focal length of a filter, or of its focal plane's temperature (degrees Celsius); itself
         where its file knows no difference."""
         changes: dict[str, Any] = {}
         if self.focal_length_mm_by_temperature and temperature_c is not None:
@@ -164,7 +167,8 @@ class Camera(BaseModel):
         from tomli_w import dumps
 
         left_out = {"focal_length_px"} if self.focal_length_mm and self.pixel_pitch_mm else set()
-        return dumps(self.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude=left_out))
+        text = dumps(self.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude=left_out))
+        return NUMBERS_IN_ROWS.sub(_in_one_line, NUMBERS_IN_ROWS.sub(_in_one_line, text))
 
     def detector_ray(self, xy_px: ArrayLike) -> NDArray[np.float64]:
         """Unit camera-frame vectors (..., 3) of raw detector pixels (..., 2), 0-based, distortion removed.
@@ -197,6 +201,10 @@ class Camera(BaseModel):
         xy = (np.asarray(xy_px, dtype=np.float64) - np.asarray(self.centre_px)) / self.focal_length_px
         v = np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
         return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def _in_one_line(found: re.Match[str]) -> str:
+    return re.sub(r"\s+", " ", found[0]).replace("[ ", "[").replace(", ]", "]")
 
 
 def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
@@ -242,8 +250,11 @@ def _cameras_of(plugin: Plugin) -> list[tuple[str, Camera]]:
     return [(camera.name.lower(), camera) for camera in given]
 
 
-def find_camera(name_or_file: str) -> Camera:
-    """Camera by catalog name, or from a user's TOML file. Raises RefusedError listing the known names."""
+def find_camera(name_or_file: str, kernels: Iterable[Path] | None = None) -> Camera:
+    """Camera by catalog name, from a user's TOML file, or made from kernels or a file (`catalog.made_camera`; kernels:
+    None takes the default ones). Raises RefusedError listing the known names."""
+    if is_made(name_or_file):
+        return made_camera(name_or_file, kernels)
     if name_or_file.lower() in known_cameras():
         return known_cameras()[name_or_file.lower()]
     if name_or_file.endswith(".toml"):
@@ -252,5 +263,5 @@ def find_camera(name_or_file: str) -> Camera:
     raise RefusedError(
         "camera-unknown",
         f"camera {name_or_file!r} is not in the catalog.",
-        f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml.",
+        f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml, kernels:NAME, isd:FILE or isis:FILE.",
     )

@@ -244,24 +244,34 @@ def _radtan(given: Mapping[str, Any], plate: Plate) -> PointMap:
     return radial_tangential(given["coefficients"], plate.focal_length_mm, **known)
 
 
+def _by(function: Callable[..., PointMap], *needed: str, **usual: Any) -> Build:
+    """A model whose parameters are given by name in the camera file."""
+
+    def build(given: Mapping[str, Any], _: Plate) -> PointMap:
+        return function(*(given[key] for key in needed), *(given.get(key, value) for key, value in usual.items()))
+
+    return build
+
+
+def undistorted() -> PointMap:
+    """No distortion."""
+    return lambda p: p
+
+
+MIDDLE = (0.0, 0.0)
 # Model: how it is built from the camera file's [distortion], and whether it leads from undistorted to distorted.
 DISTORTIONS: dict[str, tuple[Build, bool]] = {
-    "none": (lambda given, plate: lambda p: p, False),
+    "none": (_by(undistorted), False),
     "ssi-cubic": (_power(3.0), True),
     "ssi-quadratic": (_power(2.0), True),
     "radial-k1": (_k1, False),
     "lorri-em": (_em, True),
-    "radial": (lambda given, plate: radial(given["coefficients"], given.get("centre_mm", (0.0, 0.0))), False),
-    "radial-outward": (lambda given, plate: radial_outward(given["coefficients"]), True),
-    "radial-decentered": (
-        lambda given, plate: radial_decentered(
-            given["coefficients"], given["decentering"], given.get("centre_mm", (0.0, 0.0))
-        ),
-        False,
-    ),
-    "radial-all-powers": (lambda given, plate: radial_all_powers(given["coefficients"], given["centre_mm"]), True),
-    "transverse": (lambda given, plate: transverse(given["x"], given["y"]), True),
-    "rational": (lambda given, plate: rational(given["a1"], given["a2"], given["a3"]), False),
+    "radial": (_by(radial, "coefficients", centre_mm=MIDDLE), False),
+    "radial-outward": (_by(radial_outward, "coefficients"), True),
+    "radial-decentered": (_by(radial_decentered, "coefficients", "decentering", centre_mm=MIDDLE), False),
+    "radial-all-powers": (_by(radial_all_powers, "coefficients", "centre_mm"), True),
+    "transverse": (_by(transverse, "x", "y"), True),
+    "rational": (_by(rational, "a1", "a2", "a3"), False),
     "radial-tangential": (_radtan, True),
-    "legendre": (lambda given, plate: legendre(given["x"], given["y"], given["half_mm"]), False),
+    "legendre": (_by(legendre, "x", "y", "half_mm"), False),
 }

@@ -100,7 +100,10 @@ def _camera_content(path: Path, content: dict[str, Any]) -> dict[str, Any]:
         "mission": str(content.get("name_platform", "")),
         "focal_length_mm": focal_length,
         "distortion": _distortion(content.get("optical_distortion") or {}, 0.5 * pitch * np.array(size)),
-        "sources": (f"ISD {path.name} (ALE, camera version {content.get('isis_camera_version', 'unknown')})", centre_from),
+        "sources": (
+            f"ISD {path.name} (ALE, camera version {content.get('isis_camera_version', 'unknown')})",
+            centre_from,
+        ),
         "tried": "made from an ISD; not tried on images by this program",
     }
 
@@ -157,7 +160,9 @@ def _distortion(given: dict[str, Any], half_mm: Array) -> dict[str, Any]:
 def _pose(path: Path, content: dict[str, Any]) -> PartialPose:
     et = float(content["center_ephemeris_time"])
     if "instrument_pointing" not in content:
-        raise ValueError("it has no instrument_pointing (ISDs whose positions are body-fixed carry no attitude in space)")
+        raise ValueError(
+            "it has no instrument_pointing (ISDs whose positions are body-fixed carry no attitude in space)"
+        )
     camera = camera_from_isd(path)
     sensor = _rotations(content["instrument_pointing"]).at(et)
     spacecraft, sun = (_positions(content[name]).at(et) for name in ("instrument_position", "sun_position"))

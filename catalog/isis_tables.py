@@ -5,6 +5,7 @@ ConstantRotation from there on; InstrumentPosition is the spacecraft, SunPositio
 km, J2000 (ISIS' SpiceRotation and SpicePosition). Records are fields of 8-byte reals, 4-byte integers or text.
 """
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -57,13 +58,13 @@ def cube_label(path: Path) -> Mapping[str, Any]:
     return label
 
 
-def pose_from_cube(path: Path, et: float | None = None) -> PartialPose:
+def pose_from_cube(path: Path, et: float | None = None, label: Mapping[str, Any] | None = None) -> PartialPose:
     """Pose of a cube's tables at `et` (TDB seconds past J2000; None: the middle of its pointing table), with the
     velocities left out, which the tables give relative to the target only.
 
     Raises RefusedError naming the cube and the table that is missing or damaged.
     """
-    label = cube_label(path)
+    label = cube_label(path) if label is None else label
     try:
         tables = {str(table["Name"]): table for table in _tables(label)}
         pointing = _rotations(path, tables["InstrumentPointing"])
@@ -88,27 +89,30 @@ def camera_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> "Cam
     Raises RefusedError when the cube carries no keywords, or not enough of them.
     """
     label = cube_label(path) if label is None else label
-    keywords = label.get("NaifKeywords")
-    cube = label.get("IsisCube")
-    naif_id = _naif_id(cube)
-    if not hasattr(keywords, "items") or naif_id is None:
+    keywords, cube = _group(label, "NaifKeywords"), _group(label, "IsisCube")
+    naif_id = _naif_id(cube, keywords)
+    if not keywords or naif_id is None:
         fault = f"cube {path} carries no NaifKeywords, or no NaifFrameCode"
         raise RefusedError("isis-keywords", f"{fault}: spiceinit was not run.", REMEDY)
-    kernel = Instrument(naif_id, _name(keywords, naif_id), TablePool(dict(keywords.items()), path.name))
+    kernel = Instrument(naif_id, _name(keywords, naif_id), TablePool(keywords, path.name))
     frames = Frames(None, None, None, DEFAULT_TOLERANCE_S, handedness_of(kernel))
     filter_name, temperature_c = _conditions(cube)
     known = kernel.number("PIXEL_SAMPLES") or kernel.number("FRAME_SAMPLES") or kernel.number("FILTER_SAMPLES")
     return camera_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
 
 
+def _group(label: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """A group or object of a label; empty where it has none."""
+    found = label.get(name)
+    return dict(found.items()) if found is not None and hasattr(found, "items") else {}
+
+
 def _whole_size(path: Path, cube: Mapping[str, Any]) -> tuple[int, int]:
     """Samples and lines of the cube before it was cropped or reduced."""
-    alpha = cube.get("AlphaCube")
-    if hasattr(alpha, "get"):
+    alpha, size = _group(cube, "AlphaCube"), _group(_group(cube, "Core"), "Dimensions")
+    if alpha:
         return int(alpha["AlphaSamples"]), int(alpha["AlphaLines"])
-    core = cube.get("Core")
-    size = core.get("Dimensions") if hasattr(core, "get") else None
-    if not hasattr(size, "get"):
+    if not size:
         raise RefusedError("isis-label", f"cube {path}: its label has no Dimensions.", REMEDY)
     return int(size["Samples"]), int(size["Lines"])
 
@@ -119,10 +123,20 @@ def _tables(label: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [table for table in found if hasattr(table, "items")]
 
 
-def _naif_id(cube: Any) -> int | None:
-    kernels = cube.get("Kernels") if hasattr(cube, "get") else None
-    value = kernels.get("NaifFrameCode", kernels.get("NaifIkCode")) if hasattr(kernels, "get") else None
-    return value if isinstance(value, int) and not isinstance(value, bool) else None
+def _naif_id(cube: Mapping[str, Any], keywords: Mapping[str, Any]) -> int | None:
+    """The instrument's id: the filter's (NaifIkCode) where the cube has its keywords, else the camera's frame code."""
+    groups = [_group(cube, name) for name in ("BandBin", "Kernels")]
+    codes = [group.get(key) for key in ("NaifIkCode", "NaifFrameCode") for group in groups]
+    whole = [code for code in codes if isinstance(code, int) and not isinstance(code, bool)]
+    known = [code for code in whole if f"INS{code}_FOCAL_LENGTH" in keywords]
+    return next(iter([*known, *_filters_of(whole, keywords), *whole]), None)
+
+
+def _filters_of(codes: list[int], keywords: Mapping[str, Any]) -> list[int]:
+    """The filter's id where the keywords hold the focal length of one filter of the camera only (MESSENGER WAC)."""
+    found = [re.match(r"INS(-\d+)_FOCAL_LENGTH$", key) for key in keywords]
+    ids = [int(match[1]) for match in found if match]
+    return [each for each in ids if any(-(-each // 100) == -(-code // 100) for code in codes)]
 
 
 def _name(keywords: Mapping[str, Any], naif_id: int) -> str:
@@ -131,13 +145,13 @@ def _name(keywords: Mapping[str, Any], naif_id: int) -> str:
 
 def _conditions(cube: Mapping[str, Any]) -> tuple[str | None, float | None]:
     """Filter and temperature (degrees Celsius) that a cube's label states."""
-    band, instrument = cube.get("BandBin"), cube.get("Instrument")
-    name = band.get("FilterName") if hasattr(band, "get") else None
-    temperature = instrument.get("FocalPlaneTemperature") if hasattr(instrument, "get") else None
+    name = _group(cube, "BandBin").get("FilterName")
+    temperature = _group(cube, "Instrument").get("FocalPlaneTemperature")
     value, unit = getattr(temperature, "value", temperature), str(getattr(temperature, "units", ""))
-    celsius = value - 273.15 if isinstance(value, int | float) and unit.upper() in ("K", "KELVIN") else value
-    known = isinstance(celsius, int | float) and not isinstance(celsius, bool)
-    return (name if isinstance(name, str) else None), (float(celsius) if known else None)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return (name if isinstance(name, str) else None), None
+    celsius = value - 273.15 if unit.upper() in ("K", "KELVIN") else value
+    return (name if isinstance(name, str) else None), float(celsius)
 
 
 def _records(path: Path, table: Mapping[str, Any]) -> dict[str, Array]:
@@ -148,7 +162,9 @@ def _records(path: Path, table: Mapping[str, Any]) -> dict[str, Array]:
     for each in getall("Field"):
         kind, size = str(each["Type"]).upper(), int(each["Size"])
         fields.append((str(each["Name"]), f"S{size}" if kind == "TEXT" else order + KINDS[kind], (size,)))
-    dtype = np.dtype([(name, kind) if size == (1,) or kind[0] == "S" else (name, kind, size) for name, kind, size in fields])
+    dtype = np.dtype(
+        [(name, kind) if size == (1,) or kind[0] == "S" else (name, kind, size) for name, kind, size in fields]
+    )
     records, start = int(table["Records"]), int(table["StartByte"])
     if records < 1 or start < 1 or records * dtype.itemsize > MAX_TABLE_BYTES:
         raise ValueError(f"its table {table['Name']} of {records} records at byte {start} is not read")
@@ -180,4 +196,3 @@ def _positions(path: Path, table: Mapping[str, Any]) -> Positions:
     names = [f"J2000{axis}V" for axis in "XYZ"]
     moving = np.stack([columns[name] for name in names], axis=-1) if set(names) <= set(columns) else None
     return Positions(columns["ET"], place, moving)
-

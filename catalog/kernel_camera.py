@@ -180,8 +180,10 @@ def _size_and_start(kernel: Instrument, given: tuple[int, int] | None) -> tuple[
 
 
 def _refuse_scanner(kernel: Instrument, size: tuple[int, int]) -> None:
-    if min(size) == 1 or any("TDI" in keyword for keyword in kernel.keywords()) or "RESIDUAL_COL_DIST_COEF" in set(
-        kernel.keywords()
+    if (
+        min(size) == 1
+        or any("TDI" in keyword for keyword in kernel.keywords())
+        or "RESIDUAL_COL_DIST_COEF" in set(kernel.keywords())
     ):
         raise kernel.refused(
             "line-scanner",
@@ -193,7 +195,7 @@ def _refuse_scanner(kernel: Instrument, size: tuple[int, int]) -> None:
 def _focal_length(
     kernel: Instrument, et: float | None, filter_name: str | None, temperature_c: float | None
 ) -> tuple[float, tuple[float, ...]]:
-    """Focal length in mm, and its polynomial in degrees Celsius where the kernel has one and no temperature is given."""
+    """Focal length in mm, and its polynomial in degrees Celsius if the kernel has one and no temperature is given."""
     by_temperature = kernel.numbers("FL_TEMP_COEFFS")
     if by_temperature and temperature_c is not None:
         return float(np.polynomial.polynomial.polyval(temperature_c, by_temperature)), ()

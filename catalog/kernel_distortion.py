@@ -152,7 +152,9 @@ _RULES: tuple[Rule, ...] = (
 
 def keywords_left_out(kernel: Instrument) -> list[str]:
     """Keywords of the instrument that speak of distortion and went into no model."""
-    used = {variable.split("_", 1)[1] for variables in kernel.used.values() for variable in variables if "_" in variable}
+    used = {
+        variable.split("_", 1)[1] for variables in kernel.used.values() for variable in variables if "_" in variable
+    }
     return [
         keyword
         for keyword in kernel.keywords()

@@ -38,9 +38,7 @@ def frames_of(kernel: Instrument) -> Frames:
     chain = _chain(frame_id)
     platform = next(((name, class_id) for name, frame_class, class_id, _ in chain if frame_class == CK_CLASS), None)
     spacecraft = next((centre for *_, centre in chain if centre < 0), None)
-    return Frames(
-        chain[0][0], platform, spacecraft, _tolerance_s(kernel, platform), handedness_of(kernel)
-    )
+    return Frames(chain[0][0], platform, spacecraft, _tolerance_s(kernel, platform), handedness_of(kernel))
 
 
 def _frame_id(kernel: Instrument) -> int | None:
@@ -99,14 +97,17 @@ def _tolerance_s(kernel: Instrument, platform: tuple[str, int] | None) -> float:
     try:
         clock = int(spiceypy.ckmeta(platform[1], "SCLK"))
         middle = spiceypy.sce2c(clock, 0.0)
-        return max(DEFAULT_TOLERANCE_S, float(spiceypy.sct2e(clock, middle + ticks)) - float(spiceypy.sct2e(clock, middle)))
+        return max(
+            DEFAULT_TOLERANCE_S, float(spiceypy.sct2e(clock, middle + ticks)) - float(spiceypy.sct2e(clock, middle))
+        )
     except SpiceyError:
         return DEFAULT_TOLERANCE_S
 
 
 def handedness_of(kernel: Instrument) -> int:
-    """+1 where the camera looks along +Z of its frame; -1 where the kernel's BORESIGHT is along -Z. ISIS' focal planes lie across Z, whatever an older IK's boresight
-    says of other axes."""
+    """+1 where the camera looks along +Z of its frame; -1 where the kernel's BORESIGHT is along -Z.
+
+    ISIS' focal planes lie across Z, whatever an older IK's boresight says of other axes."""
     boresight = kernel.numbers("BORESIGHT")
     if len(boresight) < 3 or abs(boresight[2]) < max(abs(boresight[0]), abs(boresight[1])):
         return 1

@@ -12,6 +12,7 @@ from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
+from catalog.made_camera import ISD, camera_as_file, file_in, is_made
 from catalog.mask import MAX_MASK_BYTES
 from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
@@ -91,6 +92,19 @@ class Request(BaseModel):
         return self.store / self.product
 
     @property
+    def camera_name(self) -> str | None:
+        """The camera's name or file; one that is made (from kernels, an ISD, a cube) is a file in the cache."""
+        if self.camera is None or not is_made(self.camera):
+            return self.camera
+        return str(camera_as_file(self.camera, self.kernel_paths, self.cache / "cameras"))
+
+    @property
+    def pose_path(self) -> Path | None:
+        """The pose file; for a camera from an ISD the ISD, which holds both."""
+        is_isd = self.camera is not None and self.camera.lower().startswith(ISD)
+        return file_in(str(self.camera)) if self.pose_file is None and is_isd else self.pose_file
+
+    @property
     def kernel_paths(self) -> list[Path]:
         """The kernels to use."""
         return list(self.kernels) if self.kernels is not None else default_kernels()
@@ -131,7 +145,7 @@ def refuse_what_is_no_text(request: Request) -> None:
 def camera_inputs(request: Request) -> Camera | str:
     """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
     if request.camera is not None:
-        return find_camera(request.camera)
+        return find_camera(str(request.camera_name))
     return camera_names_digest()
 
 
