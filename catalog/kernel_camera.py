@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 UNIT_MM = {"mm": 1.0, "millimeters": 1.0, "m": 1e3, "meters": 1e3, "cm": 10.0}
 NEAR_MIDDLE_PX = 0.25
+NEARLY_SQUARE = 1.01  # pixels whose sides differ by less (Dawn FC: 1.0006) make an undistorted frame of the same size
 CENTRES = ("CCD_CENTER", "CENTER", "FOV_CENTER_PIXEL")
 SIZES = (("FILTER", True), ("PIXEL", False), ("FRAME", False))
 SMALLEST_FOCAL_LENGTH_MM = 1.0  # a smaller number is metres: no spacecraft camera is shorter than a millimetre
@@ -112,16 +113,17 @@ def camera_of(
 def undistorted_frame(
     mm_from_px: Array, offset_mm: Array, origin_px: Array, size_px: tuple[int, int], handedness: int
 ) -> dict[str, Any]:
-    """Fields of a camera file that place the undistorted frame: square pixels of the detector's smaller side, the
-    boresight where it is on the detector, lines running down; and the focal plane."""
+    """Fields of a camera file that place the undistorted frame: square pixels (of the smaller side where the detector's
+    are oblong), the boresight where it is on the detector, lines running down; and the focal plane."""
     sides = np.hypot(*mm_from_px)
-    pitch = float(sides.min())
+    nearly_square = sides.max() < NEARLY_SQUARE * sides.min()
+    pitch = float(np.sqrt(sides.prod()) if nearly_square else sides.min())
     axes = axes_of(mm_from_px, handedness)
     along = np.array(axes, dtype=float) @ mm_from_px
     if abs(along[0, 1]) > abs(along[0, 0]):
         sides = sides[::-1]
     scale = sides / pitch
-    size = tuple(math.ceil(n * s - 1e-6) for n, s in zip(size_px, scale, strict=True))
+    size = tuple(size_px) if nearly_square else tuple(math.ceil(n * s) for n, s in zip(size_px, scale, strict=True))
     centre = (origin_px + 0.5) * scale - 0.5
     mirrored = along[1, 1] < 0
     centre = np.array([centre[0], size[1] - 1 - centre[1]]) if mirrored else centre

@@ -129,7 +129,9 @@ def test_the_undistorted_frame_is_a_right_handed_picture_with_samples_to_the_rig
     x, y = mm_from_px @ (pixel - [455.0, 340.0]) + [0.01, -0.02]
     direction = rotation @ np.array([x, y, handedness * 50.0])
     assert made.detector_ray(pixel) == pytest.approx(direction / np.linalg.norm(direction), abs=1e-12)
-    to_the_right = made.project(made.detector_ray([*pixel, 10.0, 0.0])) - made.project(made.detector_ray(pixel))
+    to_the_right = made.project(made.detector_ray(pixel + np.array([10.0, 0.0]))) - made.project(
+        made.detector_ray(pixel)
+    )
     assert to_the_right[0] > abs(to_the_right[1])
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * (np.array(made.detector_size_px) - 1)
     places = made.project(made.detector_ray(corners))

@@ -71,7 +71,7 @@ def test_focal_lengths_are_millimetres(changes: dict[str, str | None], focal_len
 
 
 @pytest.mark.parametrize(
-    ("size", "pitch_mm"), [("12", 0.012), ("0.012", 0.012), ("0.000012", 0.012), ("(14.004 13.995)", 0.013995)]
+    ("size", "pitch_mm"), [("12", 0.012), ("0.012", 0.012), ("0.000012", 0.012), ("(14.004 13.995)", 0.013999499)]
 )
 def test_a_pixels_size_may_be_in_micrometres_millimetres_or_metres(size: str, pitch_mm: float, tmp_path: Path) -> None:
     camera = made(tmp_path, {"TRANSX": None, "TRANSY": None, "PIXEL_SIZE": size})
