@@ -171,9 +171,9 @@ class Instrument:
         """One line for each source: its name and the keywords it gave."""
         return tuple(f"{source}: {', '.join(variables)}" for source, variables in self.used.items())
 
-    def refused(self, code: str, fault: str, remedy: str = INSTRUMENT_REMEDY) -> RefusedError:
-        """The error that this instrument makes no camera, and why."""
-        return RefusedError(code, f"instrument {self.name} ({self.naif_id}): {fault}.", remedy)
+    def fault(self, what: str) -> str:
+        """A sentence that names the instrument and what is wrong with its kernels."""
+        return f"instrument {self.name} ({self.naif_id}): {what}."
 
 
 def _rounded(naif_id: int, step: int) -> int:

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.errors import RefusedError
 from catalog.focal_plane import axes_of
-from catalog.instrument_kernel import Instrument, KernelPool, instrument_name, naif_id_of
+from catalog.instrument_kernel import INSTRUMENT_REMEDY, Instrument, KernelPool, instrument_name, naif_id_of
 from catalog.kernel_distortion import COVER_REMOVED_ET, Detector, distortion_of, keywords_left_out
 from catalog.kernel_frames import Frames, frames_of
 from catalog.spice import kernel_pool
@@ -173,25 +174,20 @@ def _size_and_start(kernel: Instrument, given: tuple[int, int] | None) -> tuple[
         return (round(samples), round(lines)), start
     size = given or _size(kernel)
     if size is None:
-        raise kernel.refused(
+        raise RefusedError(
             "instrument-incomplete",
-            "no loaded kernel says how many pixels it has (PIXEL_SAMPLES, PIXEL_LINES)",
-            "Load the instrument kernel that does, or give the frame's size (size_px, --size NX,NY).",
+            kernel.fault("no loaded kernel says how many pixels it has (PIXEL_SAMPLES, PIXEL_LINES)"),
+            "Load the instrument kernel that does, or give the frame's size (size_px of Camera.from_kernels).",
         )
     return size, start
 
 
 def _refuse_scanner(kernel: Instrument, size: tuple[int, int]) -> None:
-    if (
-        min(size) == 1
-        or any("TDI" in keyword for keyword in kernel.keywords())
-        or "RESIDUAL_COL_DIST_COEF" in set(kernel.keywords())
-    ):
-        raise kernel.refused(
-            "line-scanner",
-            f"it is a line scanner ({size[0]}x{size[1]} pixels): each of its lines has another time and another pose",
-            "Give an image of a frame camera, or one framelet of a push-frame camera.",
-        )
+    keywords = kernel.keywords()
+    if min(size) == 1 or "RESIDUAL_COL_DIST_COEF" in keywords or any("TDI" in keyword for keyword in keywords):
+        what = f"it is a line scanner ({size[0]}x{size[1]} pixels): each of its lines has another time and another pose"
+        remedy = "Give an image of a frame camera, or one framelet of a push-frame camera."
+        raise RefusedError("line-scanner", kernel.fault(what), remedy)
 
 
 def _focal_length(
@@ -206,7 +202,8 @@ def _focal_length(
     stated = (of_filter, covered, kernel.number("FOCAL_LENGTH"), kernel.number("OOC_FOCAL_LENGTH"))
     value = next((each for each in stated if each is not None), None)
     if value is None or not value > 0:
-        raise kernel.refused("instrument-incomplete", "no loaded kernel gives its focal length (FOCAL_LENGTH)")
+        fault = kernel.fault("no loaded kernel gives its focal length (FOCAL_LENGTH)")
+        raise RefusedError("instrument-incomplete", fault, INSTRUMENT_REMEDY)
     unit = (kernel.text("FOCAL_LENGTH_UNITS") or "").lower()
     scale = UNIT_MM.get(unit, 1e3 if value < SMALLEST_FOCAL_LENGTH_MM else 1.0)
     return value * scale, tuple(coefficient * scale for coefficient in by_temperature)
@@ -243,7 +240,8 @@ def _pitches(kernel: Instrument) -> Array:
             sides = np.array([values[0], values[-1]])
             scale = next((s for s in (1.0, 1e-3, 1e3) if PITCHES_MM[0] <= sides[0] * s <= PITCHES_MM[1]), 1.0)
             return sides * scale
-    raise kernel.refused("instrument-incomplete", "no loaded kernel gives its pixels' size (PIXEL_PITCH or TRANSX)")
+    fault = kernel.fault("no loaded kernel gives its pixels' size (PIXEL_PITCH or TRANSX)")
+    raise RefusedError("instrument-incomplete", fault, INSTRUMENT_REMEDY)
 
 
 def _origin(kernel: Instrument, size: tuple[int, int]) -> tuple[Array, float]:

@@ -86,11 +86,12 @@ def _bodies_with_radii() -> list[str]:
 
 
 def _remedy(name: str, in_pck: list[str]) -> str:
-    from catalog.target import known_targets, target_names
+    from catalog.target import further_targets, known_targets, target_names
 
     catalog = known_targets()
     near = get_close_matches(name.lower(), {*target_names(), *in_pck}, n=3)
     meant = f"Did you mean {' or '.join(near)}? " if near else ""
-    others = [body for body in in_pck if body not in catalog]
+    others = [body for body in in_pck if body not in target_names()]
     loaded = f"the loaded PCK has {len(others)} more bodies" if in_pck else "no PCK is loaded (--kernels)"
-    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}; {loaded}."
+    more = f"and {len(further_targets())} moons and small bodies without a map (`planetpose targets`)"
+    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}, {more}; {loaded}."

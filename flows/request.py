@@ -21,7 +21,7 @@ from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import Kernel, list_kernels
-from catalog.target import MAX_SHAPE_BYTES, Target, find_target, is_target_file, known_targets
+from catalog.target import MAX_SHAPE_BYTES, Target, find_target, further_targets, is_target_file, known_targets
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
@@ -165,7 +165,7 @@ def camera_names_digest() -> str:
 @cache
 def target_names_digest() -> str:
     """Content of the catalog's target files, and of those of plugins, whose spellings labels are compared with."""
-    return _digest_of(known_targets())
+    return _digest_of(known_targets() | further_targets())
 
 
 def _digest_of(known: Mapping[str, BaseModel]) -> str:

@@ -57,9 +57,9 @@ def camera(
 
 def targets(json: AsJson = False) -> None:
     """List the known targets; any body of a loaded PCK can be used too."""
-    from catalog.target import known_targets
+    from catalog.target import further_targets, known_targets
 
-    known = known_targets()
+    known = known_targets() | further_targets()
     if json:
         _print_json({name: target.model_dump(mode="json") for name, target in known.items()})
         return
