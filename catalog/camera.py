@@ -13,9 +13,14 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from catalog.errors import RefusedError
 from catalog.focal_plane import FocalPlane
-from catalog.made_camera import is_made, made_camera
+from catalog.isd import content_from_isd
+from catalog.isis_tables import content_from_cube
+from catalog.kernel_camera import content_from_kernels
+from catalog.made_camera import is_made, made_content
+from catalog.optics import optics_of
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
+from catalog.reasons import Reason
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 # An array that tomli-w spreads over lines, of numbers or of rows of numbers.
@@ -134,9 +139,9 @@ class Camera(BaseModel):
         choose the focal length at once; without them `at` does later. size_px: of the frame, where no kernel says it.
         Raises RefusedError for an unknown instrument, missing keywords (naming them) and line scanners.
         """
-        from catalog.kernel_camera import camera_from_kernels
-
-        return camera_from_kernels(map(Path, kernels), instrument, et, filter_name, temperature_c, size_px)
+        paths = [Path(kernel) for kernel in kernels]
+        content = content_from_kernels(paths, instrument, et, filter_name, temperature_c, size_px)
+        return camera_from_dict(content, f"of kernels, instrument {instrument}")
 
     @classmethod
     def from_isd(cls, path: Path | str) -> "Camera":
@@ -144,9 +149,12 @@ class Camera(BaseModel):
 
         Raises RefusedError when the file is no ISD of a frame camera.
         """
-        from catalog.isd import camera_from_isd
+        return camera_from_dict(content_from_isd(Path(path)), f"of ISD {path}")
 
-        return camera_from_isd(Path(path))
+    @classmethod
+    def from_cube(cls, path: Path | str) -> "Camera":
+        """Camera of an ISIS cube's NaifKeywords (after spiceinit). Raises RefusedError where it carries none."""
+        return camera_from_dict(content_from_cube(Path(path)), f"of cube {path}")
 
     def at(self, filter_name: str | None = None, temperature_c: float | None = None) -> "Camera":
         """The camera with the focal length of a filter, or of its focal plane's temperature (degrees Celsius); itself
@@ -176,8 +184,6 @@ class Camera(BaseModel):
         NaN where the distortion model has no answer. Raises RefusedError where the camera's distortion is measured on
         the marks of each image.
         """
-        from catalog.optics import optics_of
-
         return self.ray(optics_of(self).undistort_points(xy_px))
 
     def detector_pixel(self, direction: ArrayLike) -> NDArray[np.float64]:
@@ -185,8 +191,6 @@ class Camera(BaseModel):
 
         NaN behind the camera (Z <= 0) and where the distortion model has no answer.
         """
-        from catalog.optics import optics_of
-
         return optics_of(self).distort_points(self.project(direction))
 
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
@@ -214,7 +218,7 @@ def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'camera'}: {e['msg']}" for e in error.errors())
         raise RefusedError(
-            "camera-file-invalid",
+            Reason.CAMERA_FILE_INVALID,
             f"camera file {origin}: {faults}.",
             "It needs at least name, size_px, centre_px and focal_length_px (or focal_length_mm and pixel_pitch_mm).",
         ) from error
@@ -226,7 +230,7 @@ def read_camera_file(path: Path) -> Camera:
         content = read_toml_file(Path(path))
     except (OSError, ValueError) as error:
         raise RefusedError(
-            "camera-file-unreadable",
+            Reason.CAMERA_FILE_UNREADABLE,
             f"camera file {path} cannot be read: {error}.",
             f"Give a TOML file, or one of the catalog's names: {', '.join(path.stem for path in CAMERA_FILES)}.",
         ) from error
@@ -254,14 +258,14 @@ def find_camera(name_or_file: str, kernels: Iterable[Path] | None = None) -> Cam
     """Camera by catalog name, from a user's TOML file, or made from kernels or a file (`catalog.made_camera`; kernels:
     None takes the default ones). Raises RefusedError listing the known names."""
     if is_made(name_or_file):
-        return made_camera(name_or_file, kernels)
+        return camera_from_dict(made_content(name_or_file, kernels), f"of {name_or_file}")
     if name_or_file.lower() in known_cameras():
         return known_cameras()[name_or_file.lower()]
     if name_or_file.endswith(".toml"):
         return read_camera_file(Path(name_or_file))
     refuse_unusable(CAMERAS, name_or_file)
     raise RefusedError(
-        "camera-unknown",
+        Reason.CAMERA_UNKNOWN,
         f"camera {name_or_file!r} is not in the catalog.",
         f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml, kernels:NAME, isd:FILE or isis:FILE.",
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.flips import PLACES, Flip
+from catalog.reasons import Reason
 from catalog.rotation import nearest_rotation
 
 if TYPE_CHECKING:
@@ -78,11 +79,13 @@ def orientation_of_wcs(
     mixed = rays.T @ sky
     if np.linalg.det(_planar(rays, places)) * np.linalg.det(_planar(sky, places)) < 0:
         fault = "the header's world coordinates show the picture mirrored, as this camera's pixels go"
-        raise RefusedError("wcs-mirrored", f"{fault}.", "Flip it: --flip y for pictures stored from the bottom up.")
+        raise RefusedError(
+            Reason.WCS_MIRRORED, f"{fault}.", "Flip it: --flip y for pictures stored from the bottom up."
+        )
     scale = _spread(sky) / _spread(rays)
     if abs(scale - 1.0) > SCALE_TOLERANCE:
         fault = f"the header's world coordinates have pixels {scale:.3f} times those of camera {camera.name}"
-        raise RefusedError("wcs-scale", f"{fault}.", "Give the --camera (and mode) that took the image.")
+        raise RefusedError(Reason.WCS_SCALE, f"{fault}.", "Give the --camera (and mode) that took the image.")
     return nearest_rotation(mixed)
 
 
@@ -115,7 +118,7 @@ def _sky_of(header: Mapping[str, Any], places: Array) -> Array:
             sky = WCS(kept, naxis=2).pixel_to_world(places[:, 0], places[:, 1]).icrs
     except (VerifyError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
         fault = f"the header's world coordinates cannot be read ({error})"
-        raise RefusedError("wcs-unreadable", f"{fault}.", WCS_REMEDY) from error
+        raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY) from error
     return np.asarray(sky.cartesian.xyz.value.T, dtype=np.float64)
 
 

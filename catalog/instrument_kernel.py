@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from catalog.errors import RefusedError
 from catalog.kernel_text import is_binary, read_text_kernel
+from catalog.reasons import Reason
 from catalog.spice import Kernel
 
 CONSTANTS = Path(__file__).parent / "instrument_constants.toml"
@@ -218,7 +219,7 @@ def naif_id_of(instrument: str | int) -> int:
         return frame
     known = ", ".join(known_instruments()) or "none"
     fault = f"instrument {text!r} is not in the loaded kernels; they describe {known}."
-    raise RefusedError("instrument-unknown", fault, f"Give one of them, or its NAIF id. {INSTRUMENT_REMEDY}")
+    raise RefusedError(Reason.INSTRUMENT_UNKNOWN, fault, f"Give one of them, or its NAIF id. {INSTRUMENT_REMEDY}")
 
 
 def known_instruments() -> list[str]:

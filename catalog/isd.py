@@ -9,7 +9,7 @@ MVIC); a sole radial coefficient is ISIS' K1 (Galileo SSI), xu = xd (1 + K1 r^2)
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,9 +21,7 @@ from catalog.kernel_camera import SMALLEST_FOCAL_LENGTH_MM, undistorted_frame
 from catalog.kernel_frames import handedness_of
 from catalog.plain_files import read_json_file
 from catalog.pose import PartialPose
-
-if TYPE_CHECKING:
-    from catalog.camera import Camera
+from catalog.reasons import Reason
 
 Array = NDArray[np.float64]
 NEEDED = ("focal2pixel_samples", "focal2pixel_lines", "focal_length_model", "image_samples", "image_lines")
@@ -36,17 +34,15 @@ def is_isd(content: Any) -> bool:
     return isinstance(content, dict) and "name_model" in content and "focal2pixel_lines" in content
 
 
-def camera_from_isd(path: Path) -> "Camera":
-    """Camera of an ISD: of its whole detector, so that images summed or cut keep their modes.
+def content_from_isd(path: Path) -> dict[str, Any]:
+    """Content of a camera file for an ISD: of its whole detector, so that images summed or cut keep their modes.
 
     Raises RefusedError naming the file and what is wrong or missing, and for sensors that are no frame cameras.
     """
-    from catalog.camera import camera_from_dict
-
     content = _read(path)
     _refuse_other_sensors(path, content)
     try:
-        return camera_from_dict(_camera_content(path, content), f"from ISD {path}")
+        return _camera_content(path, content)
     except FAULTS as error:
         raise _invalid(path, error) from error
 
@@ -64,22 +60,24 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         content = read_json_file(path)
     except (OSError, ValueError) as error:
-        raise RefusedError("isd-unreadable", f"ISD {path} cannot be read ({error}).", REMEDY) from error
+        raise RefusedError(Reason.ISD_UNREADABLE, f"ISD {path} cannot be read ({error}).", REMEDY) from error
     if not isinstance(content, dict) or not is_isd(content):
-        raise RefusedError("isd-invalid", f"file {path} is no ISD: it lacks name_model or focal2pixel_lines.", REMEDY)
+        raise RefusedError(
+            Reason.ISD_INVALID, f"file {path} is no ISD: it lacks name_model or focal2pixel_lines.", REMEDY
+        )
     return content
 
 
 def _invalid(path: Path, error: Exception) -> RefusedError:
     fault = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-    return RefusedError("isd-invalid", f"ISD {path}: {fault}.", REMEDY)
+    return RefusedError(Reason.ISD_INVALID, f"ISD {path}: {fault}.", REMEDY)
 
 
 def _refuse_other_sensors(path: Path, content: dict[str, Any]) -> None:
     model = str(content["name_model"])
     if "FRAME_SENSOR" not in model.upper() or "PUSH" in model.upper():
         fault = f"ISD {path} is of a {model}: its lines have times and poses of their own."
-        raise RefusedError("line-scanner", fault, "Give an ISD of a frame camera (USGS_ASTRO_FRAME_SENSOR_MODEL).")
+        raise RefusedError(Reason.LINE_SCANNER, fault, "Give an ISD of a frame camera (USGS_ASTRO_FRAME_SENSOR_MODEL).")
 
 
 def _camera_content(path: Path, content: dict[str, Any]) -> dict[str, Any]:
@@ -163,12 +161,12 @@ def _pose(path: Path, content: dict[str, Any]) -> PartialPose:
         raise ValueError(
             "it has no instrument_pointing (ISDs whose positions are body-fixed carry no attitude in space)"
         )
-    camera = camera_from_isd(path)
+    camera_from_sensor = np.array(content_from_isd(path)["camera_from_instrument"], dtype=np.float64)
     sensor = _rotations(content["instrument_pointing"]).at(et)
     spacecraft, sun = (_positions(content[name]).at(et) for name in ("instrument_position", "sun_position"))
     return PartialPose(
         et=et,
-        camera_from_j2000=np.array(camera.camera_from_instrument, dtype=np.float64) @ sensor,
+        camera_from_j2000=camera_from_sensor @ sensor,
         target_from_spacecraft_km=-spacecraft,
         sun_from_target_km=sun,
         body_from_j2000=_rotations(content["body_rotation"]).at(et),

@@ -8,22 +8,20 @@ km, J2000 (ISIS' SpiceRotation and SpicePosition). Records are fields of 8-byte 
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.carried_tables import Positions, Rotations, matrix
 from catalog.errors import RefusedError
 from catalog.instrument_kernel import Instrument, TablePool
-from catalog.kernel_camera import camera_of
+from catalog.kernel_camera import content_of
 from catalog.kernel_frames import DEFAULT_TOLERANCE_S, Frames, handedness_of
 from catalog.pose import PartialPose
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
-
-if TYPE_CHECKING:
-    from catalog.camera import Camera
 
 Array = NDArray[np.float64]
 TABLES = ("InstrumentPointing", "BodyRotation", "InstrumentPosition", "SunPosition")
@@ -54,7 +52,7 @@ def cube_label(path: Path) -> Mapping[str, Any]:
             raw = bytes(file.read(MAX_LABEL_BYTES))
         label: Mapping[str, Any] = load_pvl(raw.partition(b"\0")[0].decode("latin-1"))
     except (OSError, ValueError) as error:
-        raise RefusedError("isis-label", f"cube {path}: its label cannot be read ({error}).", REMEDY) from error
+        raise RefusedError(Reason.ISIS_LABEL, f"cube {path}: its label cannot be read ({error}).", REMEDY) from error
     return label
 
 
@@ -69,22 +67,22 @@ def pose_from_cube(path: Path, et: float | None = None, label: Mapping[str, Any]
         tables = {str(table["Name"]): table for table in _tables(label)}
         pointing = _rotations(path, tables["InstrumentPointing"])
         et = float(pointing.times.mean()) if et is None else et
-        camera = camera_from_cube(path, label)
+        camera_from_sensor = np.array(content_from_cube(path, label)["camera_from_instrument"], dtype=np.float64)
         spacecraft = _positions(path, tables["InstrumentPosition"]).at(et)
         return PartialPose(
             et=et,
-            camera_from_j2000=np.array(camera.camera_from_instrument, dtype=np.float64) @ pointing.at(et),
+            camera_from_j2000=camera_from_sensor @ pointing.at(et),
             target_from_spacecraft_km=-spacecraft,
             sun_from_target_km=_positions(path, tables["SunPosition"]).at(et),
             body_from_j2000=_rotations(path, tables["BodyRotation"]).at(et),
         )
     except FAULTS as error:
         fault = f"it lacks the table or field {error}" if isinstance(error, KeyError) else str(error)
-        raise RefusedError("isis-tables", f"cube {path}: {fault}.", REMEDY) from error
+        raise RefusedError(Reason.ISIS_TABLES, f"cube {path}: {fault}.", REMEDY) from error
 
 
-def camera_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> "Camera":
-    """Camera of a cube's NaifKeywords, with the filter and the focal plane's temperature that its label states.
+def content_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Content of a camera file for a cube's NaifKeywords, under the filter and temperature of its label.
 
     Raises RefusedError when the cube carries no keywords, or not enough of them.
     """
@@ -93,12 +91,12 @@ def camera_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> "Cam
     naif_id = _naif_id(cube, keywords)
     if not keywords or naif_id is None:
         fault = f"cube {path} carries no NaifKeywords, or no NaifFrameCode"
-        raise RefusedError("isis-keywords", f"{fault}: spiceinit was not run.", REMEDY)
+        raise RefusedError(Reason.ISIS_KEYWORDS, f"{fault}: spiceinit was not run.", REMEDY)
     kernel = Instrument(naif_id, _name(keywords, naif_id), TablePool(keywords, path.name))
     frames = Frames(None, None, None, DEFAULT_TOLERANCE_S, handedness_of(kernel))
     filter_name, temperature_c = _conditions(cube)
     known = kernel.number("PIXEL_SAMPLES") or kernel.number("FRAME_SAMPLES") or kernel.number("FILTER_SAMPLES")
-    return camera_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
+    return content_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
 
 
 def _group(label: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -113,7 +111,7 @@ def _whole_size(path: Path, cube: Mapping[str, Any]) -> tuple[int, int]:
     if alpha:
         return int(alpha["AlphaSamples"]), int(alpha["AlphaLines"])
     if not size:
-        raise RefusedError("isis-label", f"cube {path}: its label has no Dimensions.", REMEDY)
+        raise RefusedError(Reason.ISIS_LABEL, f"cube {path}: its label has no Dimensions.", REMEDY)
     return int(size["Samples"]), int(size["Lines"])
 
 

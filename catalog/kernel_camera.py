@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +21,8 @@ from catalog.focal_plane import axes_of
 from catalog.instrument_kernel import INSTRUMENT_REMEDY, Instrument, KernelPool, instrument_name, naif_id_of
 from catalog.kernel_distortion import COVER_REMOVED_ET, Detector, distortion_of, keywords_left_out
 from catalog.kernel_frames import Frames, frames_of
+from catalog.reasons import Reason
 from catalog.spice import kernel_pool
-
-if TYPE_CHECKING:
-    from catalog.camera import Camera
 
 Array = NDArray[np.float64]
 UNIT_MM = {"mm": 1.0, "millimeters": 1.0, "m": 1e3, "meters": 1e3, "cm": 10.0}
@@ -37,19 +35,19 @@ PITCHES_MM = (1e-3, 0.2)  # pixels are 1 to 200 micrometres; other numbers are m
 FILTER_SUFFIXES = ("_FILTER_{}", "_FILTER{}", "_{}")
 
 
-def camera_from_kernels(
+def content_from_kernels(
     kernels: Iterable[Path],
     instrument: str | int,
     et: float | None = None,
     filter_name: str | None = None,
     temperature_c: float | None = None,
     size_px: tuple[int, int] | None = None,
-) -> "Camera":
-    """Camera of a NAIF instrument name or id; see `catalog.camera.Camera.from_kernels`."""
+) -> dict[str, Any]:
+    """Content of a camera file for a NAIF instrument name or id; see `catalog.camera.Camera.from_kernels`."""
     with kernel_pool(kernels) as loaded:
         naif_id = _of_filter(naif_id_of(instrument), filter_name)
         kernel = Instrument(naif_id, instrument_name(naif_id), KernelPool(loaded))
-        return camera_of(kernel, frames_of(kernel), et, filter_name, temperature_c, size_px)
+        return content_of(kernel, frames_of(kernel), et, filter_name, temperature_c, size_px)
 
 
 def as_keyword(name: str) -> str:
@@ -71,17 +69,15 @@ def _of_filter(naif_id: int, filter_name: str | None) -> int:
     return naif_id
 
 
-def camera_of(
+def content_of(
     kernel: Instrument,
     frames: Frames,
     et: float | None = None,
     filter_name: str | None = None,
     temperature_c: float | None = None,
     size_px: tuple[int, int] | None = None,
-) -> "Camera":
-    """Camera of an instrument's keywords and frames. Raises RefusedError naming what is missing."""
-    from catalog.camera import camera_from_dict
-
+) -> dict[str, Any]:
+    """Content of a camera file for an instrument's keywords and frames. Raises RefusedError naming what is missing."""
     filter_name = as_keyword(filter_name) if filter_name else None
     full, first_px = _size_and_start(kernel, size_px)
     _refuse_scanner(kernel, full)
@@ -108,7 +104,7 @@ def camera_of(
     sigma = kernel.number("FL_UNCERTAINTY")
     if sigma is not None and 0 < sigma < 0.1 * focal_length:
         content["focal_length_sigma"] = sigma / focal_length
-    return camera_from_dict(content, f"from kernels, instrument {kernel.name}")
+    return content
 
 
 def undistorted_frame(
@@ -175,7 +171,7 @@ def _size_and_start(kernel: Instrument, given: tuple[int, int] | None) -> tuple[
     size = given or _size(kernel)
     if size is None:
         raise RefusedError(
-            "instrument-incomplete",
+            Reason.INSTRUMENT_INCOMPLETE,
             kernel.fault("no loaded kernel says how many pixels it has (PIXEL_SAMPLES, PIXEL_LINES)"),
             "Load the instrument kernel that does, or give the frame's size (size_px of Camera.from_kernels).",
         )
@@ -187,7 +183,7 @@ def _refuse_scanner(kernel: Instrument, size: tuple[int, int]) -> None:
     if min(size) == 1 or "RESIDUAL_COL_DIST_COEF" in keywords or any("TDI" in keyword for keyword in keywords):
         what = f"it is a line scanner ({size[0]}x{size[1]} pixels): each of its lines has another time and another pose"
         remedy = "Give an image of a frame camera, or one framelet of a push-frame camera."
-        raise RefusedError("line-scanner", kernel.fault(what), remedy)
+        raise RefusedError(Reason.LINE_SCANNER, kernel.fault(what), remedy)
 
 
 def _focal_length(
@@ -203,7 +199,7 @@ def _focal_length(
     value = next((each for each in stated if each is not None), None)
     if value is None or not value > 0:
         fault = kernel.fault("no loaded kernel gives its focal length (FOCAL_LENGTH)")
-        raise RefusedError("instrument-incomplete", fault, INSTRUMENT_REMEDY)
+        raise RefusedError(Reason.INSTRUMENT_INCOMPLETE, fault, INSTRUMENT_REMEDY)
     unit = (kernel.text("FOCAL_LENGTH_UNITS") or "").lower()
     scale = UNIT_MM.get(unit, 1e3 if value < SMALLEST_FOCAL_LENGTH_MM else 1.0)
     return value * scale, tuple(coefficient * scale for coefficient in by_temperature)
@@ -241,7 +237,7 @@ def _pitches(kernel: Instrument) -> Array:
             scale = next((s for s in (1.0, 1e-3, 1e3) if PITCHES_MM[0] <= sides[0] * s <= PITCHES_MM[1]), 1.0)
             return sides * scale
     fault = kernel.fault("no loaded kernel gives its pixels' size (PIXEL_PITCH or TRANSX)")
-    raise RefusedError("instrument-incomplete", fault, INSTRUMENT_REMEDY)
+    raise RefusedError(Reason.INSTRUMENT_INCOMPLETE, fault, INSTRUMENT_REMEDY)
 
 
 def _origin(kernel: Instrument, size: tuple[int, int]) -> tuple[Array, float]:

@@ -1,7 +1,8 @@
 """A camera's calibrated optics: from raw detector pixels to the pixels of its undistorted frame and back."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +11,68 @@ from catalog.distortions import DISTORTIONS, Plate
 from catalog.errors import RefusedError
 from catalog.focal_plane import FocalPlane
 from catalog.newton import PointMap, Points, solve_points
-
-if TYPE_CHECKING:
-    from catalog.camera import Camera
+from catalog.reasons import Reason
 
 OPTICS_NAMES = tuple(DISTORTIONS)
 RESEAU = "reseau"
+
+
+class Bending(Protocol):
+    """A camera file's [distortion]."""
+
+    @property
+    def model(self) -> str:
+        """The model's name."""
+        ...
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Everything beside it."""
+        ...
+
+
+class Lens(Protocol):
+    """What of a camera its optics are made of (`catalog.camera.Camera`)."""
+
+    @property
+    def name(self) -> str:
+        """The camera's name."""
+        ...
+
+    @property
+    def distortion(self) -> Bending:
+        """Distortion model and parameters."""
+        ...
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Size of the undistorted frame."""
+        ...
+
+    @property
+    def detector_size_px(self) -> tuple[int, int]:
+        """Size of the raw frame."""
+        ...
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Where the boresight falls in the undistorted frame."""
+        ...
+
+    @property
+    def pixel_pitch_mm(self) -> float | None:
+        """Pitch of the undistorted frame."""
+        ...
+
+    @property
+    def focal_length_mm(self) -> float | None:
+        """Focal length."""
+        ...
+
+    @property
+    def focal_plane(self) -> FocalPlane | None:
+        """The detector in the focal plane."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -66,7 +123,7 @@ class OpticsModel:
         return np.zeros(np.shape(xy)[:-1])
 
 
-def optics_of(camera: "Camera", name: str | None = None, parameters: dict[str, Any] | None = None) -> OpticsModel:
+def optics_of(camera: Lens, name: str | None = None, parameters: Mapping[str, Any] | None = None) -> OpticsModel:
     """The camera's optics with its own distortion, or with the model `name` and the given parameters.
 
     Raises RefusedError for unknown names, missing or wrong parameters, and for a camera whose distortion is measured on
@@ -78,7 +135,7 @@ def optics_of(camera: "Camera", name: str | None = None, parameters: dict[str, A
         given = {key: value for key, value in camera.distortion.parameters.items() if not isinstance(value, dict)}
     if name not in DISTORTIONS:
         raise RefusedError(
-            "distortion-unknown",
+            Reason.DISTORTION_UNKNOWN,
             f"camera {camera.name} names the distortion model {name!r}"
             + (", which is measured on the marks of each image." if name == RESEAU else "."),
             f"Known are {', '.join(OPTICS_NAMES)} and {RESEAU}.",
@@ -89,13 +146,13 @@ def optics_of(camera: "Camera", name: str | None = None, parameters: dict[str, A
         forward = build(given, plate)
     except KeyError as error:
         raise RefusedError(
-            "distortion-incomplete",
+            Reason.DISTORTION_INCOMPLETE,
             f"camera {camera.name}: distortion {name} lacks the parameter {error.args[0]}.",
             "Add it to the camera file's [distortion] section, or choose another model.",
         ) from error
     except (ValueError, TypeError) as error:
         raise RefusedError(
-            "distortion-invalid",
+            Reason.DISTORTION_INVALID,
             f"camera {camera.name}: distortion {name}: {error}.",
             "Correct the camera file's [distortion] section.",
         ) from error
@@ -111,12 +168,12 @@ def optics_of(camera: "Camera", name: str | None = None, parameters: dict[str, A
     )
 
 
-def _square(camera: "Camera", origin_px: tuple[float, float]) -> FocalPlane:
+def _square(camera: Lens, origin_px: tuple[float, float]) -> FocalPlane:
     """An upright detector of square pixels; without a known pitch a millimetre stands for a pixel."""
     pitch = camera.pixel_pitch_mm or 1.0
     return FocalPlane(origin_px=origin_px, mm_from_px=((pitch, 0.0), (0.0, pitch)))
 
 
-def is_plain(camera: "Camera", name: str) -> bool:
+def is_plain(camera: Lens, name: str) -> bool:
     """Whether raw and undistorted frame are one."""
     return name == "none" and camera.focal_plane is None

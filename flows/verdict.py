@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from catalog.errors import PlanetposeError
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
-from tasks.accept.judgement import (
+from tasks.accept.acceptance import (
     doubtful_blocks,
     doubtful_blur,
     doubtful_likeness,
@@ -13,7 +13,7 @@ from tasks.accept.judgement import (
     doubtful_sun,
     is_about_orientation,
 )
-from tasks.diagnose.telling import MAP
+from tasks.diagnose.diagnosis import MAP
 from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.

@@ -42,7 +42,7 @@ def camera(
 ) -> None:
     """Show one camera as a camera file (TOML) with its sources, or write it."""
     from catalog.camera import find_camera
-    from catalog.made_camera import camera_of
+    from catalog.camera_store import camera_of
 
     made = camera_of(name, kernels or None, filter_name, temperature)
     text = made.to_toml()

@@ -18,6 +18,7 @@ from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.observation import Frame
 from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose
+from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
 from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
@@ -60,7 +61,7 @@ def initial_pose(
     if et is None:
         why = f"{frame.product}: the label gives no time"
         raise RefusedError(
-            "pose-unknown",
+            Reason.POSE_UNKNOWN,
             f"{why} of the exposure: {frame.unclear['time']}." if "time" in frame.unclear else f"{why}.",
             "Give a pose file (--pose) with utc or et of mid-exposure, "
             f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
@@ -153,7 +154,7 @@ def _unknown(
     needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
     label = "; ".join(label_faults) or f"the label does not give them for {frame.target}"
     return RefusedError(
-        "pose-unknown",
+        Reason.POSE_UNKNOWN,
         f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",
         f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
     )

@@ -7,9 +7,9 @@ import pytest
 import spiceypy
 
 from catalog.camera import Camera, camera_from_dict
+from catalog.camera_store import camera_as_file, camera_of
 from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
-from catalog.made_camera import camera_as_file, made_camera
 
 BASE = {
     "FOCAL_LENGTH": "100.0",
@@ -221,7 +221,7 @@ def test_a_line_scanner_is_refused(tmp_path: Path) -> None:
 
 def test_a_made_camera_is_a_file_that_every_process_reads_alike(tmp_path: Path) -> None:
     file = kernel(tmp_path, {"OD_K": "(0 -8.0e-6 0)", "CL1_GRN_FOCAL_LENGTH": "99.5"})
-    camera = made_camera("kernels:TEST_CAM", [file])
+    camera = camera_of("kernels:TEST_CAM", [file])
     path = camera_as_file("kernels:TEST_CAM", [file], tmp_path / "cameras")
     from catalog.camera import find_camera
 
@@ -233,7 +233,7 @@ def test_a_made_camera_is_a_file_that_every_process_reads_alike(tmp_path: Path) 
 @pytest.mark.parametrize("name", ["kernels:", "isd:", "isd:nowhere.json", "isis:nowhere.cub", "kernels:NOBODY"])
 def test_what_makes_no_camera_says_why(name: str, tmp_path: Path) -> None:
     with pytest.raises(RefusedError) as refused:
-        made_camera(name, [kernel(tmp_path, {})])
+        camera_of(name, [kernel(tmp_path, {})])
     assert refused.value.remedy
 
 

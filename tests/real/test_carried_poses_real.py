@@ -10,7 +10,7 @@ import pytest
 from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
 from catalog.isd import pose_from_isd
-from catalog.isis_tables import camera_from_cube, cube_label, has_pose, is_isis_cube, pose_from_cube
+from catalog.isis_tables import cube_label, has_pose, is_isis_cube, pose_from_cube
 from catalog.readers import read_frame
 from catalog.target import find_target
 from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
@@ -39,7 +39,7 @@ def test_a_cubes_tables_hold_the_pose_that_ale_makes_of_them(name: str, data_fol
 
 
 def test_a_cube_carries_its_camera(data_folder: Path) -> None:
-    made = camera_from_cube(data_folder / "isd/EN1072174528M/EN1072174528M.cub")
+    made = Camera.from_cube(data_folder / "isd/EN1072174528M/EN1072174528M.cub")
     kernels = data_folder / "isd/EN1072174528M/kernels"
     wanted = Camera.from_kernels([kernels], "MSGR_MDIS_NAC", temperature_c=4.07)
     pixels = np.random.default_rng(3).uniform(0, 1023, (50, 2))
@@ -55,7 +55,7 @@ def test_cubes_of_other_missions_have_poses_and_cameras(name: str, data_folder: 
     path = data_folder / "images/others/isis" / f"{name}.cub"
     assert is_isis_cube(path)
     assert has_pose(cube_label(path))
-    pose, camera = pose_from_cube(path).completed(), camera_from_cube(path)
+    pose, camera = pose_from_cube(path).completed(), Camera.from_cube(path)
     assert pose.range_km > 0.2
     pixels = np.random.default_rng(3).uniform(0, 1, (50, 2)) * np.array(camera.detector_size_px)
     assert camera.detector_pixel(camera.detector_ray(pixels)) == pytest.approx(pixels, abs=1e-6)
