@@ -266,7 +266,7 @@ DISTORTIONS: dict[str, tuple[Build, bool]] = {
     "ssi-quadratic": (_power(2.0), True),
     "radial-k1": (_k1, False),
     "lorri-em": (_em, True),
-    "radial": (_by(radial, "coefficients", centre_mm=MIDDLE), False),
+    "radial-series": (_by(radial, "coefficients", centre_mm=MIDDLE), False),
     "radial-outward": (_by(radial_outward, "coefficients"), True),
     "radial-decentered": (_by(radial_decentered, "coefficients", "decentering", centre_mm=MIDDLE), False),
     "radial-all-powers": (_by(radial_all_powers, "coefficients", "centre_mm"), True),

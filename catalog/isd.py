@@ -145,11 +145,11 @@ def _distortion(given: dict[str, Any], half_mm: Array) -> dict[str, Any]:
     k = [float(value) for value in values["coefficients"]] if "coefficients" in values else []
     if name == "radial" and k:
         k = [0.0, -k[0]] if len(k) == 1 else k
-        return {"model": "radial", "coefficients": k} if any(k) else {"model": "none"}
+        return {"model": "radial-series", "coefficients": k} if any(k) else {"model": "none"}
     if name == "dawnfc" and k:
         return {"model": "radial-outward", "coefficients": [0.0, k[0]]}
     if name == "cahvor" and len(k) == 5:
-        return {"model": "radial", "coefficients": k[:3], "centre_mm": k[3:]}
+        return {"model": "radial-series", "coefficients": k[:3], "centre_mm": k[3:]}
     if name == "radtan" and len(k) == 5:
         return {"model": "radial-tangential", "coefficients": k}
     raise ValueError(f"its distortion {name!r} with {len(k)} coefficients is not known")

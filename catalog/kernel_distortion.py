@@ -111,14 +111,14 @@ def _radial(kernel: Instrument, detector: Detector, suffix: str, *_: Any) -> Mod
         return None
     if MULTIPLIER[0] < k[0] < MULTIPLIER[1]:
         k = (1.0 - k[0], *(-value / detector.pitch_mm ** (2 * power) for power, value in enumerate(k[1:], 1)))
-    return {"model": "radial", "coefficients": k}
+    return {"model": "radial-series", "coefficients": k}
 
 
 def _one_coefficient(kernel: Instrument, _: Detector, __: str, et: float | None, ___: float | None) -> Model | None:
     """K1 of ISIS' RadialDistortionMap, xu = xd (1 + K1 r^2): Galileo SSI, NEAR MSI, Cassini ISS."""
     covered = kernel.number("K1_COVER") if et is not None and et < COVER_REMOVED_ET else None
     k1 = kernel.number("K1") if covered is None else covered
-    return None if k1 is None else {"model": "radial", "coefficients": (0.0, -k1)}
+    return None if k1 is None else {"model": "radial-series", "coefficients": (0.0, -k1)}
 
 
 def _outward(kernel: Instrument, detector: Detector, *_: Any) -> Model | None:

@@ -21,7 +21,11 @@ from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose
 from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
+from catalog.times import utc_from_et
 from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
+
+# Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
+SAME_EXPOSURE_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,8 @@ def initial_pose(
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
     kind, from_file = parts_of_pose_file(pose_file)
+    if kind == "isd":
+        _refuse_other_exposure(frame, from_file, pose_file)
     et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
     if et is None:
         why = f"{frame.product}: the label gives no time"
@@ -93,6 +99,14 @@ def initial_pose(
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
     )
+
+
+def _refuse_other_exposure(frame: Frame, isd: PartialPose, path: Path | None) -> None:
+    """An ISD is of one image: RefusedError where the label's time is another."""
+    if frame.et is None or isd.et is None or abs(frame.et - isd.et) <= SAME_EXPOSURE_S:
+        return
+    fault = f"ISD {path} is of {utc_from_et(isd.et)}, image {frame.path} of {utc_from_et(frame.et)}."
+    raise RefusedError(Reason.ISD_INVALID, fault, "Give the ISD of this image.")
 
 
 def _first_known(*values: float | None) -> float | None:

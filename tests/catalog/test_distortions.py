@@ -25,7 +25,7 @@ PARAMETERS: dict[str, dict[str, Any]] = {
     "ssi-cubic": {"corner_shift_px": 1.2, "corner_px": 565.0},
     "radial-k1": {"k1_per_mm2": -2.5e-5},
     "lorri-em": {"em": EM, "y_up": True},
-    "radial": {"coefficients": (1e-4, 2.8e-5, -1e-7), "centre_mm": CENTRE},
+    "radial-series": {"coefficients": (1e-4, 2.8e-5, -1e-7), "centre_mm": CENTRE},
     "radial-outward": {"coefficients": (0.0, 8.4e-5, 2e-8)},
     "radial-decentered": {"coefficients": (0.0, -2.4e-5, 0.0), "decentering": (2e-5, -1e-4), "centre_mm": CENTRE},
     "radial-all-powers": {"coefficients": (2e-5, 1.7e-4, 6e-5, 0.0, 1e-7), "centre_mm": CENTRE},
@@ -41,7 +41,7 @@ def written_out(name: str, x: float, y: float, f: float) -> tuple[float, float]:
     r2 = x * x + y * y
     u, v = x - CENTRE[0], y - CENTRE[1]
     q2 = u * u + v * v
-    if name == "radial":
+    if name == "radial-series":
         scale = 1 - 1e-4 - 2.8e-5 * q2 + 1e-7 * q2**2
         return u * scale + CENTRE[0], v * scale + CENTRE[1]
     if name == "radial-outward":
@@ -73,7 +73,7 @@ def written_out(name: str, x: float, y: float, f: float) -> tuple[float, float]:
 
 @pytest.mark.parametrize(
     "name",
-    ["radial", "radial-outward", "radial-decentered", "radial-all-powers", "transverse", "rational", "lorri-em",
+    ["radial-series", "radial-outward", "radial-decentered", "radial-all-powers", "transverse", "rational", "lorri-em",
      "radial-tangential"],
 )  # fmt: skip
 @given(x=st.floats(-7, 7), y=st.floats(-7, 7))
@@ -150,7 +150,7 @@ def test_axes_follow_the_handedness() -> None:
     [
         ("transverse", {"x": [1.0] * 9, "y": [1.0] * 10}, "10 numbers"),
         ("legendre", {"x": [1.0] * 20, "y": [1.0] * 20}, "half_mm"),
-        ("radial", {"coefficients": [float("nan")]}, "finite"),
+        ("radial-series", {"coefficients": [float("nan")]}, "finite"),
         ("radial-k1", {}, "k1_per_mm2"),
         ("fisheye", {}, "fisheye"),
     ],

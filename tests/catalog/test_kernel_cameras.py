@@ -104,9 +104,9 @@ def test_pixels_that_are_not_square_make_a_square_undistorted_frame(tmp_path: Pa
 @pytest.mark.parametrize(
     ("keywords", "model"),
     [
-        ({"OD_K": "(0 -8.0e-6 0)"}, "radial"),
-        ({"K1": "-2.5e-5"}, "radial"),
-        ({"OD_K": "(1.014 2.9e-7 -1.4e-13)"}, "radial"),
+        ({"OD_K": "(0 -8.0e-6 0)"}, "radial-series"),
+        ({"K1": "-2.5e-5"}, "radial-series"),
+        ({"OD_K": "(1.014 2.9e-7 -1.4e-13)"}, "radial-series"),
         ({"RAD_DIST_COEFF": "8.4e-6"}, "radial-outward"),
         ({"DISTORTION_K1": "-5.96e-8", "DISTORTION_K2": "2.7e-14"}, "radial-outward"),
         ({"OD_K": "(0 -2.4e-5 0)", "DECENTER": "(2e-5 2e-5)", "PP": "(0 0)"}, "radial-decentered"),

@@ -85,6 +85,13 @@ def test_an_isd_is_a_pose_file_and_says_so(data_folder: Path) -> None:
     assert parts.missing() == []
 
 
+def test_the_isd_of_another_image_is_refused(data_folder: Path) -> None:
+    frame = read_frame(data_folder / "images/galileo/C0552809300R.IMG")
+    path = data_folder / "isd/E6I0032/galileossi_isd.json"
+    with pytest.raises(RefusedError, match=r"is of 1997-02-19.*of 2000-05-22"):
+        initial_pose(frame, Camera.from_isd(path), find_target("europa"), [], path)
+
+
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
