@@ -161,6 +161,7 @@ class Reason(StrEnum):
     PROFILE_UNKNOWN = "profile-unknown"
     PROFILE_UNREADABLE = "profile-unreadable"
     PROJECTION_UNKNOWN = "projection-unknown"
+    PSF_DISAGREES = "psf-disagrees"
     RANGE_CONFLICT = "range-conflict"
     RANGE_OUT_OF_BOUNDS = "range-out-of-bounds"
     RANGE_UNSETTLED = "range-unsettled"
