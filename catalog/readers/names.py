@@ -7,7 +7,7 @@ from typing import Any
 
 from catalog.camera import known_cameras
 from catalog.readers.label_values import items
-from catalog.target import known_targets, target_names
+from catalog.target import target_names
 
 HOST_KEYS = (
     "INSTRUMENT_HOST_NAME",
@@ -63,7 +63,7 @@ def targets_of_label(value: Any) -> tuple[str, ...]:
 def sole_target(names: Iterable[str]) -> str | None:
     """The only one of a label's targets, or the only one of several that the catalog knows."""
     all_names = list(names)
-    known = [name for name in all_names if name in known_targets()] if len(all_names) > 1 else all_names
+    known = [name for name in all_names if name in target_names()] if len(all_names) > 1 else all_names
     return known[0] if len(known) == 1 else None
 
 

@@ -1,6 +1,7 @@
 """The cached step: read an image file's metadata, and name its camera and target."""
 
 from catalog.camera import find_camera
+from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
 from catalog.observation import Frame
 from catalog.reasons import Reason
@@ -63,7 +64,7 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
         product=frame.product,
         sha256=frame.sha256,
         format=frame.format,
-        camera=find_camera(str(files.camera or frame.camera)),
+        camera=find_camera(str(files.camera or frame.camera)).at(frame.filter, temperature_of_label(frame.label)),
         target_name=frame.target,
         et=frame.et,
         exposure_s=frame.exposure_s,
