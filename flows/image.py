@@ -12,8 +12,7 @@ from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, wi
 from flows.guidance import is_started_elsewhere
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
-from flows.settling import settled
-from flows.verdict import doubts, reminded
+from flows.verdict import doubts, reminded, settled
 from tasks.accept.judgement import believe, explained, refuse_doubtful_behind
 from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult

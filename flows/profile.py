@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
 from catalog.plain_text import shown_path
-from flows.defaults import DEFAULT_PROFILE
+from flows.options import DEFAULT_PROFILE
 from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings

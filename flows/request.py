@@ -1,17 +1,16 @@
-"""What is asked for one image, and the inputs that follow from it before any work."""
+"""The request for one image, and the inputs that follow from it before any work."""
 
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
+from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator
 
 from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
 from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
-from catalog.flips import Flip
 from catalog.mask import MAX_MASK_BYTES
 from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
@@ -21,7 +20,7 @@ from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import Kernel, list_kernels
 from catalog.target import MAX_SHAPE_BYTES, Target, find_target, is_target_file, known_targets
-from flows.defaults import DEFAULT_PROFILE
+from flows.options import DEFAULT_PROFILE, CorrectOptions, ImageOptions
 from flows.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
 
@@ -49,32 +48,18 @@ def _name_of_file(known: dict[str, Any]) -> str:
     return safe_product_name(Path(known["image"]).stem)
 
 
-class Request(BaseModel):
-    """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
-    target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog, a
-    basemap "none" takes none. shape:
-    model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
-    environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
-    what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
-    not used. resume: an earlier result to start from, see `flows.guidance`. flip: how the picture is flipped before
-    anything else. publish_to: URL of an object store that the product is copied to from `store`."""
+class Request(ImageOptions):
+    """One image to correct. product: its name, a plain folder name; the file's without suffix by default. None of
+    camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none. kernels:
+    files, folders or meta-kernels; None takes those of the environment. profile: its settings, or its name or file;
+    settings build on the default profile as a file's do, and what it holds stays. resume: see `flows.guidance`.
+    publish_to: URL of an object store that the product is copied to from `store`."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
     product: str = Field(default_factory=_name_of_file)
     store: Path = Path("out")
-    camera: str | None = None
-    target: str | None = None
-    pose_file: Path | None = None
-    basemap: Path | None = None
-    shape: Path | None = None
-    map_left_edge_deg: float = Field(0.0, ge=-360, le=360)
     kernels: tuple[Path, ...] | None = None
     profile: NamedProfile = Field(default_factory=lambda: find_profile(DEFAULT_PROFILE))
-    start_offset_px: tuple[FiniteFloat, FiniteFloat] | None = None
-    mask: Path | None = None
-    flip: Flip | None = None
-    resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
     publish_to: str | None = None
 
@@ -94,6 +79,46 @@ class Request(BaseModel):
     def kernel_paths(self) -> list[Path]:
         """The kernels to use."""
         return list(self.kernels) if self.kernels is not None else default_kernels()
+
+
+def requests_of(options: CorrectOptions) -> list[Request]:
+    """One request per file, in their order. Raises RefusedError that names the option when the options are no good: for
+    an unknown profile, one with nothing left to correct, or products that are too few or no names of folders."""
+    from flows.places import usable_place_of
+
+    place, names = usable_place_of(options.store), product_names(options)
+    shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
+    shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}
+    shared |= {"store": place.store, "publish_to": place.publish_to}
+    return [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
+
+
+def product_names(options: CorrectOptions) -> list[str]:
+    """Names of the files' products, those given or those of the files."""
+    if not options.product:
+        return [safe_product_name(file.stem) for file in options.files]
+    remedy = "Give --product once for each file."
+    if len(options.product) != len(options.files):
+        fault = f"{len(options.product)} names for {len(options.files)} files."
+        raise RefusedError("product-invalid", fault, remedy)
+    for name in options.product:
+        if not is_safe_product_name(name):
+            fault = f"{name!r} is no name for a folder in a store."
+            raise RefusedError("product-invalid", fault, f"{safe_product_name(name)!r} would be.")
+    return list(options.product)
+
+
+def profile_of_options(options: CorrectOptions) -> Profile:
+    """The profile with what the options hold, and their number of passes."""
+    profile = find_profile(options.profile)
+    if options.max_passes:
+        profile = profile.model_copy(update={"passes": options.max_passes})
+    try:
+        return profile.holding(options.hold) if options.hold else profile
+    except ValidationError as error:
+        faults = "; ".join(fault["msg"] for fault in error.errors())
+        remedy = "Known are range, attitude, roll, offset and psf."
+        raise RefusedError("hold-invalid", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
 
 
 def digest_of(path: Path, what: str) -> str:

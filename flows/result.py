@@ -12,8 +12,7 @@ from flows.chain import Chain
 from flows.diagnosis import leave
 from flows.guidance import guidance_of
 from flows.profile import Profile
-from flows.settling import settling
-from flows.verdict import PUBLISHED, doubts
+from flows.verdict import PUBLISHED, doubts, rest_reached
 from tasks.atomic import without_temporaries
 from tasks.diagnose.step import OVERLAY, TRIED
 from tasks.publish.step import stated_of
@@ -83,7 +82,7 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     }
     frame = chain.last(INGEST)
     result["guidance"] = guidance_of(request) | {"overruled": list(frame.result.overruled) if frame else []}
-    result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
+    result |= verdict(error, doubts(chain)) | known_before_correction(chain) | rest_reached(chain)
     if PUBLISH.name in chain.done:
         result |= corrected(chain)
     elif isinstance(error, PlanetposeError) and (folder := leave(chain)):

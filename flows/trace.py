@@ -31,14 +31,14 @@ def trace_of(chain: Chain, failures: bool = True) -> Json:
 def entry_of(tried: Tried) -> Json:
     """One step of a trace."""
     step, failure = tried.step, tried.failure
-    told = (
+    failed = (
         {"status": failure.status, "code": failure.code, "fault": failure.fault, "remedy": failure.remedy}
         if failure
         else None
     )
     result = tried.record.result if tried.record else None
     known = {"name": step.name, "key": step.key, "code": step.code, "inputs": step.plain_inputs}
-    return {**known, "result": result, "failure": told}
+    return {**known, "result": result, "failure": failed}
 
 
 def answering(trace: Json) -> RunStep:
@@ -48,8 +48,8 @@ def answering(trace: Json) -> RunStep:
     def answer(step: AnyStep) -> Record:
         entry = known.get(step.key)
         if entry and entry["failure"]:
-            told = entry["failure"]
-            raise FAILURES[told["status"]](told["code"], told["fault"], told["remedy"])
+            failed = entry["failure"]
+            raise FAILURES[failed["status"]](failed["code"], failed["fault"], failed["remedy"])
         if entry and entry["result"] is not None:
             return Record(step.name, step.key, step.code, step.plain_inputs, entry["result"], 0.0, "")
         record = None if step.destination or step.kind.find_record else step.record()
@@ -60,7 +60,7 @@ def answering(trace: Json) -> RunStep:
     return answer
 
 
-def asked(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
+def known_chain(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
     """The chain of an image as far as trace and cache answer it, and what ended it: NotCachedError at the first step
     that has to be done, a failure, or None where there is nothing to do. Nothing is written."""
     chain = Chain(request, answering(trace), only_asks=True, kernels=kernels)

@@ -53,8 +53,8 @@ def prune(
     """Delete results that were not used for long, and temporaries of dead processes. What was used in the last six
     hours stays; so do published products, which need no cache."""
     from catalog.settings import cache_folder
-    from flows.reprocessing.sweep import prune as prune_cache
-    from flows.reprocessing.sweep import sweep_cache
+    from tasks.cache import prune as prune_cache
+    from tasks.cache import sweep_cache
 
     if limit_gb is None and days is None:
         raise typer.BadParameter("give --limit-gb, --days or both")

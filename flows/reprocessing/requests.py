@@ -1,69 +1,91 @@
-"""The requests of an image list."""
+"""The requests of an image list, and how what it names and this machine has not is fetched before."""
 
-from collections.abc import Iterable
+import logging
 from pathlib import Path
 
 from catalog.basemap import NO_MAP
-from catalog.errors import RefusedError
+from catalog.errors import FailedError, RefusedError
+from catalog.fetch import FetchSettings, planned_items
+from catalog.fetch.settings import default_mirror
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.settings import archive_folder
 from catalog.target import is_target_file
+from flows.fetch import fetch_items, summary_of
+from flows.options import ReprocessOptions
+from flows.places import place_of
 from flows.profile import Profile, find_profile
-from flows.reprocessing.settings import Settings
 from flows.request import Request
 
+logger = logging.getLogger("planetpose")
 
-def requests_of(settings: Settings) -> list[Request]:
+
+def requests_of(options: ReprocessOptions) -> list[Request]:
     """One request per image of the list, in its order. Raises RefusedError when list or profile are unknown, or no
     product matches `only`."""
-    found, profile = listed(settings), find_profile(settings.profile)
-    return [request_of(found, entry, settings, profile) for entry in found.entries]
+    found, profile = listed(options), find_profile(options.profile)
+    return [request_of(found, entry, options, profile) for entry in found.entries]
 
 
-def listed(settings: Settings) -> ImageList:
+def listed(options: ReprocessOptions) -> ImageList:
     """The image list, or those of it that match `only`. Raises RefusedError as `requests_of`."""
-    found = load_image_list(settings.images)
-    if not settings.only:
+    found = load_image_list(options.images)
+    if not options.only:
         return found
-    chosen = found.only(settings.only)
+    chosen = found.only(options.only)
     if not chosen.entries:
         raise RefusedError(
             "nothing-to-reprocess",
-            f"no product of {settings.images} matches {', '.join(settings.only)}.",
+            f"no product of {options.images} matches {', '.join(options.only)}.",
             "See `planetpose catalog show LIST`.",
         )
     return chosen
 
 
-def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, profile: Profile) -> Request:
-    """What is asked for one image of a list."""
+def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptions, profile: Profile) -> Request:
+    """The request for one image of a list."""
 
     def here(text: str | None) -> Path | None:
-        return image_list.located(text, settings.archive) if text else None
+        return image_list.located(text, options.archive) if text else None
 
     camera = entry.camera
     if camera and camera.endswith(".toml"):
-        camera = str(image_list.located(camera, settings.archive))
+        camera = str(here(camera))
     target = entry.target
     if target and is_target_file(target):
-        target = str(image_list.located(target, settings.archive))
+        target = str(here(target))
+    place = place_of(options.store)
     return Request(
-        image=image_list.located(entry.image, settings.archive),
+        image=image_list.located(entry.image, options.archive),
         product=entry.product,
-        store=settings.store,
-        publish_to=settings.publish_to,
+        store=place.store,
+        publish_to=place.publish_to,
         camera=camera,
         target=target,
         pose_file=here(entry.pose_file),
         basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
         flip=entry.flip,
-        kernels=image_list.kernel_paths(entry, settings.archive) or settings.kernels,
+        kernels=image_list.kernel_paths(entry, options.archive) or options.kernels,
         profile=profile,
-        cache=settings.cache,
+        cache=options.steps_cache,
     )
 
 
-def absolute(paths: Iterable[Path]) -> tuple[Path, ...]:
-    """Paths that mean the same in every process."""
-    return tuple(path.expanduser().absolute() for path in paths)
+def fetch_missing(image_list: ImageList, options: ReprocessOptions) -> None:
+    """Fetch images, labels, kernels and maps. What cannot be had is named in the log: its images are refused as
+    missing, and come up again as soon as it is there. Raises FailedError when the archive's folder cannot be written
+    to."""
+    archive = options.archive or archive_folder()
+    items = planned_items(image_list, default_mirror())
+    if not items:
+        return
+    try:
+        outcomes = fetch_items(items, archive, FetchSettings(), lambda _: None)
+    except OSError as error:
+        raise FailedError("archive-unwritable", f"archive {archive}: {error}.", "Check the disk.") from error
+    found = summary_of(outcomes)
+    for location, reason in found["failures"].items():
+        logger.warning("%s was not fetched: %s", location, reason)
+    if found["fetched"]:
+        logger.info("%s files fetched, %.1f MB", found["fetched"], found["bytes_fetched"] / 1e6)

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import FailedError
-from flows.reprocessing.memory import resident_mb
-from lab.faults.processes import Command, children_of, command_line
+from lab.faults.processes import Command, children_of, command_line, resident_mb
 from lab.simulate.small_archive import PROFILE_FILE, write_small_archive
 
 LOOK_EVERY_S = 2.0

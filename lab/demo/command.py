@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flows.cli.server_option import Server
+from flows.cli.options import Server
 
 if TYPE_CHECKING:
     from flows.progress import Reporter

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
 from flows.cli import build_app
-from flows.defaults import DEFAULT_PROFILE
+from flows.options import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, known_profiles, profile_of, read_profile
 from flows.profile_layers import differences, in_words, merged
 from flows.request import Request
