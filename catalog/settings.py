@@ -5,6 +5,7 @@ from pathlib import Path
 
 from catalog.errors import RefusedError
 
+DEFAULT_PROFILE = "joint"  # what is taken where nobody chooses
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 
 

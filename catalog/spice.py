@@ -93,6 +93,26 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     return found
 
 
+class KernelLists:
+    """Kernels as they are offered: a set is looked through once in the life of this, for all images of a list share a
+    few sets."""
+
+    def __init__(self) -> None:
+        self._listed: dict[tuple[Path, ...], list[Kernel]] = {}
+
+    def of(self, paths: list[Path]) -> list[Kernel]:
+        """As `list_kernels`."""
+        key = tuple(paths)
+        if key not in self._listed:
+            self._listed[key] = list_kernels(paths)
+        return self._listed[key]
+
+
+def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:
+    """Name and content hash of kernels."""
+    return tuple((kernel.path.name, kernel.sha256) for kernel in kernels)
+
+
 def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     """A kernel, and what it names if it is a meta-kernel, in its own order; meta-kernels may name others."""
     yield kernel

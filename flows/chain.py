@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any, Generic
 
 from catalog.errors import PlanetposeError
-from flows.request import KernelLists, Request
+from catalog.spice import KernelLists
+from flows.request import Request
 from tasks.record import Record
 from tasks.step import AnyStep, F, I, R, Step, StepType
 

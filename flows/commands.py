@@ -56,7 +56,7 @@ def fetch(options: FetchOptions, show: Show) -> None:
     """A row per file, then one with the counts. Raises WrongOptionError for unknown kinds, or where no product
     matches."""
     from catalog.fetch import FetchSettings
-    from flows.fetch import fetch_items, summary_of
+    from catalog.fetch.many import fetch_items, summary_of
 
     items, archive = items_of(options)
     settings = FetchSettings(
@@ -99,8 +99,8 @@ def items_of(options: FetchOptions) -> "tuple[list[Item], Path]":
 
 def export(options: ExportOptions, show: Show) -> None:
     """A row per product. Raises WrongOptionError for an unknown format, projection or kernel."""
-    from flows.export import Exported, export_products
     from tasks.export.pixels import Selection
+    from tasks.export.products import Exported, export_products
     from tasks.export.settings import ExportSettings
     from tasks.publish.check import products_in
 
@@ -127,8 +127,8 @@ def export(options: ExportOptions, show: Show) -> None:
 def report(options: ReportOptions, show: Show) -> None:
     """A row with the page's path; asides for what could not be drawn or read. Raises WrongOptionError for an unknown
     picture."""
-    from flows.report import write_report
     from tasks.report.pictures import KINDS, USUAL
+    from tasks.report.write import write_report
 
     refuse_unknown("picture", options.picture, KINDS)
     progress = lambda product: show(Row(f"  {product}", minor=True, aside=True))  # noqa: E731 - one line
@@ -143,7 +143,7 @@ def report(options: ReportOptions, show: Show) -> None:
 def kernels(options: KernelsOptions, show: Show) -> None:
     """A row per set of kernels; asides for products that were left out."""
     from catalog.settings import default_kernels
-    from flows.kernels import kernels_of
+    from tasks.kernels.store import kernels_of
 
     given = options.chosen_kernels
 
@@ -164,12 +164,12 @@ def kernels(options: KernelsOptions, show: Show) -> None:
 def photometry(options: PhotometryOptions, show: Show) -> None:
     """A row per region, then the files; asides for products that were left out. Raises WrongOptionError for an unknown
     law, or a held value that is none."""
-    from flows.photometry import fit_store
     from tasks.export.pixels import Selection
     from tasks.photometry.files import in_json, write_photometry
     from tasks.photometry.fit import FitSettings
     from tasks.photometry.laws import LAWS
     from tasks.photometry.regions import PhotometrySettings, read_regions
+    from tasks.photometry.store import fit_store
 
     refuse_unknown("law", (options.law,), tuple(LAWS))
     selection = Selection(options.latitude, options.longitude, options.max_incidence_deg, options.max_emission_deg)
@@ -205,9 +205,9 @@ def held_values(given: tuple[str, ...]) -> dict[str, float]:
 
 def adjust(options: AdjustOptions, show: Show) -> None:
     """One row, the report."""
-    from flows.adjust import adjust_store
     from tasks.adjust import AdjustSettings
     from tasks.adjust.measurement import NOT_JOINT
+    from tasks.adjust.store import adjust_store
     from tasks.adjust.table import adjustment_table
 
     found = adjust_store(options.store, AdjustSettings(gap_s=options.gap), options.out)
@@ -245,7 +245,7 @@ def each_checked(paths: tuple[str, ...]) -> "Iterator[tuple[str, list[Fault]]]":
 
 def faults_in(folder: Path) -> "list[Fault]":
     """Faults of one product; one that cannot be looked at has that as its fault."""
-    from flows.boundary import reason_of, trouble_of
+    from tasks.boundary import reason_of, trouble_of
     from tasks.publish.check import Fault, product_faults
 
     faults: list[Fault] = []

@@ -5,19 +5,18 @@ from pathlib import Path
 from catalog.camera import Camera
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
+from catalog.input_file import digest_of
 from catalog.pose import Pose
 from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
+from catalog.spice import KernelLists, kernel_inputs
 from catalog.target import known_target
 from flows.chain import Chain, Done
 from flows.guidance import guidance_of, pose_to_resume
 from flows.request import (
-    KernelLists,
     Request,
     basemap_inputs,
     camera_inputs,
-    digest_of,
-    kernel_inputs,
     projected_target,
     target_inputs,
     target_names_digest,

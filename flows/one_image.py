@@ -7,12 +7,12 @@ from threading import Event
 from typing import Any
 
 from catalog.errors import FailedError, PlanetposeError, RefusedError
-from flows.boundary import trouble_of
 from flows.chain import Chain, only_cached
 from flows.image import correct_image
 from flows.progress import Reporter
 from flows.request import Request
 from flows.result import result_of
+from tasks.boundary import trouble_of
 from tasks.record import Record
 from tasks.step import AnyStep, run
 from tasks.work import Progress

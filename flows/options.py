@@ -13,9 +13,8 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat
 
-from catalog.settings import cache_folder
+from catalog.settings import DEFAULT_PROFILE, cache_folder
 
-DEFAULT_PROFILE = "joint"
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 
 

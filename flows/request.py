@@ -7,32 +7,18 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator
 
-from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
+from catalog.basemap import NO_MAP, packaged_map_path
 from catalog.camera import Camera, find_camera, known_cameras
-from catalog.digest import input_changed, sha256_of_file, sha256_of_json
+from catalog.digest import sha256_of_json
 from catalog.errors import RefusedError
-from catalog.mask import MAX_MASK_BYTES
+from catalog.input_file import digest_of
 from catalog.plain_text import is_text, shown_path
-from catalog.readers import image_is_folder
-from catalog.readers.reading import MAX_FILE_BYTES
-from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
-from catalog.settings import cache_folder, default_kernels
-from catalog.spice import Kernel, list_kernels
-from catalog.target import MAX_SHAPE_BYTES, Target, find_target, is_target_file, known_targets
-from flows.options import DEFAULT_PROFILE, CorrectOptions, ImageOptions
-from flows.profile import Profile, find_profile, profile_of
+from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
+from catalog.target import Target, find_target, is_target_file, known_targets
+from flows.options import CorrectOptions, ImageOptions
+from tasks.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
-
-LARGEST_BYTES = {
-    "image": MAX_FILE_BYTES,
-    "label": MAX_FILE_BYTES,
-    "pose file": MAX_TEXT_BYTES,
-    "mask": MAX_MASK_BYTES,
-    "base map": MAX_MAP_BYTES,
-    "shape": MAX_SHAPE_BYTES,
-    "reseau table": MAX_TEXT_BYTES,
-}
 
 
 def _profile_by_name(profile: Any) -> Any:
@@ -121,26 +107,6 @@ def profile_of_options(options: CorrectOptions) -> Profile:
         raise RefusedError("hold-invalid", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
 
 
-def digest_of(path: Path, what: str) -> str:
-    """Content hash of a file that the user named. Raises RefusedError when it cannot be read, has more bytes than what
-    it is meant to be, or changes meanwhile."""
-    code = what.replace(" ", "-")
-    try:
-        return sha256_of_file(path, LARGEST_BYTES.get(what))
-    except FileNotFoundError as error:
-        raise RefusedError(f"{code}-missing", f"{what} {path} does not exist.", "Check the path.") from error
-    except TooLargeError as error:
-        remedy = "Give a single frame." if what == "image" else "Is it the right file?"
-        raise RefusedError(f"{code}-too-large", f"{what} {path}: {error.strerror}.", remedy) from error
-    except ChangedError:
-        raise input_changed(f"{what} {path}") from None
-    except OSError as error:
-        if what == "image" and isinstance(error, IsADirectoryError):
-            raise image_is_folder(path) from error
-        remedy = "Give a file that may be read; save what comes from a pipe as a file first."
-        raise RefusedError(f"{code}-unreadable", f"{what} {path} cannot be read: {error.strerror}.", remedy) from error
-
-
 def refuse_what_is_no_text(request: Request) -> None:
     """Raises RefusedError for a path with bytes that are no UTF-8: neither products nor Prefect could say them."""
     named = {"image": request.image, "store": request.store, "pose file": request.pose_file, "mask": request.mask}
@@ -181,27 +147,6 @@ def target_names_digest() -> str:
 
 def _digest_of(known: Mapping[str, BaseModel]) -> str:
     return sha256_of_json({name: each.model_dump(mode="json", exclude_unset=True) for name, each in known.items()})
-
-
-class KernelLists:
-    """Kernels as they are offered: a set is looked through once in the life of this, for all images of a list share a
-    few sets."""
-
-    def __init__(self) -> None:
-        self._listed: dict[tuple[Path, ...], list[Kernel]] = {}
-
-    def of(self, paths: list[Path]) -> list[Kernel]:
-        """Every kernel offered, in the order of loading; of a meta-kernel also its members. Raises RefusedError as
-        `list_kernels`."""
-        key = tuple(paths)
-        if key not in self._listed:
-            self._listed[key] = list_kernels(paths)
-        return self._listed[key]
-
-
-def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:
-    """Name and content hash of kernels."""
-    return tuple((kernel.path.name, kernel.sha256) for kernel in kernels)
 
 
 def projected_target(request: Request, target: Target) -> Target:

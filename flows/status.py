@@ -12,13 +12,13 @@ from pydantic import ValidationError
 from catalog.digest import remember_digests
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_files import own_json
+from catalog.spice import KernelLists
 from flows.options import BOOKS, ReprocessOptions
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.planning import plan_of
 from flows.reprocessing.requests import requests_of
 from flows.reprocessing.tally import RUNS, STATUSES
 from flows.reprocessing.worker import DIGESTS
-from flows.request import KernelLists
 from flows.verdict import PUBLISHED
 
 Status = dict[str, Any]

@@ -4,17 +4,19 @@ A trace is plain JSON: the profile, and of each step its name, key, code version
 failure. It holds all that the flow needs to find its way again, also when the cache of steps is gone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, cast
 
 from pydantic import ValidationError
 
 from catalog.errors import FailedError, PlanetposeError, RefusedError
+from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError, RunStep, Tried
 from flows.image import correct_image
-from flows.request import KernelLists, Request
+from flows.request import Request
 from tasks.fields import Json
+from tasks.profile.layers import differences
 from tasks.record import Record
 from tasks.registry import STEPS
 from tasks.step import AnyStep, StepType
@@ -80,7 +82,7 @@ def changes(trace: Json, chain: Chain) -> list[str]:
         old = before.get(tried.step.name)
         if old and old["key"] != tried.step.key:
             found += inputs_changed(tried.step.kind.told_as, old["inputs"], tried.step.plain_inputs)
-    settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
+    settings = leaves_changed(trace.get("profile") or {}, chain.request.profile.resolved())
     found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
     kinds = {step.name: step for step in STEPS}
     first: dict[str, Json] = {}
@@ -115,20 +117,9 @@ def at(content: Any, path: str) -> Any:
     return content
 
 
-def leaves_changed(before: Any, after: Any) -> list[str]:
+def leaves_changed(before: Json, after: Json) -> list[str]:
     """`path old -> new` of every value that differs."""
-    old, new = dict(leaves(before)), dict(leaves(after))
-    changed = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
-    return [f"{name} {old.get(name, 'none')} -> {new.get(name, 'none')}" for name in changed]
-
-
-def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of nested tables by its path."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from leaves(value, f"{path}.{key}" if path else str(key))
-    else:
-        yield path, content
+    return [change.in_words(name) for name, change in sorted(differences(before, after).items())]
 
 
 def kernels_changed(before: Any, after: Any) -> list[str]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tasks.atomic import sweep_temporaries
+from tasks.code_version import SOURCES_FOLDER
 from tasks.record import RECORD_FILE, size_bytes
 from tasks.registry import STEP_NAMES
 
@@ -19,6 +20,11 @@ def sweep_cache(cache: Path) -> None:
     sweep_temporaries(cache)
     for folder in key_folders(cache):
         sweep_temporaries(folder)
+
+
+def step_folders(cache: Path) -> list[Path]:
+    """The folders of steps, and of what is known of their code; nothing else in there is touched."""
+    return [cache / kind for kind in (*STEP_NAMES, SOURCES_FOLDER) if (cache / kind).is_dir()]
 
 
 def key_folders(cache: Path) -> Iterator[Path]:

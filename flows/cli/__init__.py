@@ -63,7 +63,7 @@ def main() -> None:
         print(f"planetpose: {error.reason}", file=sys.stderr)
         sys.exit(1)
     except OSError as error:  # a full disk, a folder that may not be written in
-        from flows.result import file_trouble
+        from tasks.boundary import file_trouble
 
         print(f"planetpose: {file_trouble(error)}", file=sys.stderr)
         sys.exit(1)

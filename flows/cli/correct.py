@@ -10,7 +10,7 @@ from flows.cli.options import Json, Quiet, Server, add_command, refuse_useless_k
 from flows.options import CorrectOptions
 
 if TYPE_CHECKING:
-    from flows.profile import Profile
+    from tasks.profile import Profile
 
 
 def register(app: typer.Typer) -> None:
@@ -53,7 +53,7 @@ def correct(options: CorrectOptions, server: Server = None, json: Json = False, 
 def usable_profile(name_or_file: str, max_passes: int | None = None, quiet: bool = False) -> "Profile":
     """The profile; an unknown or invalid one is wrong usage. What one of the user's changes is said on
     stderr, unless `quiet`."""
-    from flows.profile import find_profile
+    from tasks.profile import find_profile
 
     with wrong_usage("--profile"):
         profile = find_profile(name_or_file)
@@ -64,7 +64,7 @@ def usable_profile(name_or_file: str, max_passes: int | None = None, quiet: bool
 
 def show_origin(profile: "Profile") -> None:
     """Say on stderr what a user's profile changes."""
-    from flows.profile_layers import in_words
+    from tasks.profile.layers import in_words
 
     if profile.origin:
         print(f"planetpose: {in_words(profile.name, profile.origin)}", file=sys.stderr, flush=True)

@@ -5,10 +5,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.input_file import digest_of
+from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError
 from flows.options import ReprocessOptions
 from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace
-from flows.request import KernelLists, Request, digest_of
+from flows.request import Request
 from flows.trace import changes, known_chain, trace_of
 from flows.verdict import PUBLISHED
 from tasks.fields import Json
@@ -81,7 +83,7 @@ def reason_of_change(chain: Chain, ended_by: Exception | None, last: Outcome, tr
         return None if product and product.key == last.key else "changed: the product's key"
     if isinstance(ended_by, PlanetposeError) and ended_by.code == last.code:
         return None
-    found = changes(trace, chain)
+    found = changes(trace, chain) if trace else ["the record of its steps (is gone)"]
     if isinstance(ended_by, NotCachedError) and not found and last.passing:
         return None
     if isinstance(ended_by, PlanetposeError):

@@ -6,16 +6,16 @@ from pathlib import Path
 from catalog.basemap import NO_MAP
 from catalog.errors import FailedError, RefusedError
 from catalog.fetch import FetchSettings, planned_items
+from catalog.fetch.many import fetch_items, summary_of
 from catalog.fetch.settings import default_mirror
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
 from catalog.settings import archive_folder
 from catalog.target import is_target_file
-from flows.fetch import fetch_items, summary_of
 from flows.options import ReprocessOptions
 from flows.places import place_of
-from flows.profile import Profile, find_profile
 from flows.request import Request
+from tasks.profile import Profile, find_profile
 
 logger = logging.getLogger("planetpose")
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
+from catalog.spice import KernelLists
 from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions
 from flows.places import index_object_store, index_store
@@ -20,7 +21,7 @@ from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.requests import fetch_missing, listed, requests_of
 from flows.reprocessing.tally import RUNS, Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
-from flows.request import KernelLists, Request
+from flows.request import Request
 from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.cache import prune, sweep_cache

@@ -22,13 +22,13 @@ from filelock import FileLock, Timeout
 
 from catalog.digest import remember_digests
 from catalog.errors import PlanetposeError
-from flows.boundary import trouble_of
 from flows.chain import Chain
 from flows.image import correct_image
 from flows.options import BOOKS
 from flows.request import Request
 from flows.result import result_of
 from flows.trace import trace_of
+from tasks.boundary import trouble_of
 from tasks.record import RECORD_FILE, Record
 from tasks.registry import PUBLISH
 from tasks.step import AnyStep, run

@@ -7,9 +7,9 @@ from typing import Any
 import tomli_w
 
 from catalog.errors import FailedError
-from flows.profile import find_profile
 from lab.benchmark.small import watch_small
 from lab.faults.processes import Command
+from tasks.profile import find_profile
 
 Figures = dict[str, Any]
 Tell = Callable[[str, Figures], None]

@@ -16,8 +16,8 @@ from catalog.plain_files import MAX_DEPTH, parsed_json, parsed_toml, read_json_f
 from catalog.pose import read_pose_file
 from catalog.target import find_target
 from flows.guidance import pose_to_resume
-from flows.profile import find_profile
 from flows.request import Request
+from tasks.profile import find_profile
 
 DEEP = 100_000
 DEEP_JSON = ["[" * DEEP, "[" * DEEP + "]" * DEEP, '{"et": ' * DEEP + "1" + "}" * DEEP, '{"et": ' + "[" * DEEP]

@@ -16,10 +16,10 @@ from catalog.readers import read_frame
 from catalog.target import Target, find_target, known_targets
 from flows.inputs import image_inputs
 from flows.options import ReprocessOptions
-from flows.profile import find_profile
 from flows.reprocessing.requests import request_of
 from flows.request import Request, target_inputs
 from tasks.ingest import pose_step
+from tasks.profile import find_profile
 from tasks.work import Work
 
 SECONDS_PER_YEAR = 365.25 * 86400.0

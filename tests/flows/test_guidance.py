@@ -25,9 +25,9 @@ from flows.cli import build_app
 from flows.cli.adjust import adjust
 from flows.cli.correct import warn
 from flows.one_image import one_result
-from flows.profile import Profile, find_profile
 from flows.progress import Silent
 from flows.request import Request
+from tasks.profile import Profile, find_profile
 from tasks.publish.cube import open_cube
 from tasks.step import run
 from tasks.stored import load_observation
