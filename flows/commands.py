@@ -2,7 +2,7 @@
 line prints the rows, the Prefect flows of the same names log them."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -108,10 +108,17 @@ def export(options: ExportOptions, show: Show) -> None:
     selection = Selection(
         options.latitude, options.longitude, options.max_incidence_deg, every_flag=options.every_flag, **emission
     )
-    shared = {each.name: getattr(options, each.name) for each in fields(ExportSettings) if hasattr(options, each.name)}
-    formats = tuple(dict.fromkeys(options.format))
+    formats, middle_deg = tuple(dict.fromkeys(options.format)), options.central_longitude_deg
     try:
-        settings = ExportSettings(**shared | {"formats": formats, "selection": selection} | emission)
+        settings = ExportSettings(
+            formats,
+            options.projection,
+            options.resolution_km,
+            middle_deg,
+            options.kernel,
+            selection=selection,
+            **emission,
+        )
     except RefusedError as error:
         raise WrongOptionError(error.code.removesuffix("-unknown"), error.fault, error.remedy) from error
 

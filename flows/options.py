@@ -177,13 +177,6 @@ class ReprocessOptions(Options):
         return place_of(self.store).store
 
     @property
-    def publish_to(self) -> str | None:
-        """URL of the object store that products are then copied to."""
-        from flows.places import place_of
-
-        return place_of(self.store).publish_to
-
-    @property
     def steps_cache(self) -> Path:
         """Folder of cached steps."""
         return self.cache or cache_folder().absolute()

@@ -27,11 +27,9 @@ def correct(options: CorrectOptions, server: Server = None, json: Json = False, 
     from flows.result import exit_status, tally
     from flows.run import run_requests
 
+    usable_profile(options.profile, None, quiet)
     with wrong_usage():
         requests = requests_of(options)
-    profile = requests[0].profile
-    if not quiet:
-        show_origin(profile)
     refuse_useless_kernels(options.kernels)
     log_to_stderr()
 
@@ -43,7 +41,7 @@ def correct(options: CorrectOptions, server: Server = None, json: Json = False, 
             print(one_line(result), file=answer, flush=True)
 
     workers = options.workers or min(len(requests), os.cpu_count() or 1)
-    with clean_stdout() as answer, reporter(len(requests), profile.passes * 3 + 5, quiet) as shown:
+    with clean_stdout() as answer, reporter(len(requests), requests[0].profile.passes * 3 + 5, quiet) as shown:
         results = run_requests(requests, server_choice(server), workers, shown, tell, options=options)
     if not quiet and (len(results) > 1 or results[0]["status"] == "doubtful"):
         print(tally(results), file=sys.stderr)
@@ -54,20 +52,13 @@ def usable_profile(name_or_file: str, max_passes: int | None = None, quiet: bool
     """The profile; an unknown or invalid one is wrong usage. What one of the user's changes is said on
     stderr, unless `quiet`."""
     from tasks.profile import find_profile
+    from tasks.profile.layers import in_words
 
     with wrong_usage("--profile"):
         profile = find_profile(name_or_file)
-    if not quiet:
-        show_origin(profile)
-    return profile.model_copy(update={"passes": max_passes}) if max_passes else profile
-
-
-def show_origin(profile: "Profile") -> None:
-    """Say on stderr what a user's profile changes."""
-    from tasks.profile.layers import in_words
-
-    if profile.origin:
+    if profile.origin and not quiet:
         print(f"planetpose: {in_words(profile.name, profile.origin)}", file=sys.stderr, flush=True)
+    return profile.model_copy(update={"passes": max_passes}) if max_passes else profile
 
 
 def warn(result: dict[str, Any]) -> None:

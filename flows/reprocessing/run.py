@@ -15,7 +15,7 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.spice import KernelLists
 from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions
-from flows.places import index_object_store, index_store
+from flows.places import index_object_store, index_store, place_of
 from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.requests import fetch_missing, listed, requests_of
@@ -156,12 +156,13 @@ def finish(run: Run) -> dict[str, Any]:
 
 def index_published(options: ReprocessOptions) -> None:
     """Bring the index of the object store up to date, if there is one."""
-    if options.publish_to is None:
+    url = place_of(options.store).publish_to
+    if url is None:
         return
     try:
-        index_object_store(options.publish_to)
+        index_object_store(url)
     except PlanetposeError as error:  # the products are there all the same
-        logger.error("the index of %s was not written: %s", options.publish_to, error)
+        logger.error("the index of %s was not written: %s", url, error)
 
 
 def rows_of(run: Run) -> Iterator[dict[str, Any]]:
