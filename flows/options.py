@@ -151,7 +151,7 @@ class ReprocessOptions(Options):
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
     profile: NameOrFile = opt("Which bricks: a name, or FILE.toml.", DEFAULT_PROFILE)
     only: tuple[str, ...] = opt("Products like this (C16*); repeat for more.", ())
-    kernels: tuple[Absolute, ...] | None = opt("SPICE kernels for images whose list names none; repeat for more.")
+    kernels: tuple[Path, ...] | None = opt("SPICE kernels for images whose list names none; repeat for more.")
     workers: int = opt("Images at a time; 0: one per processor.", 0, ge=0)
     runner: str = opt("Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler.", "threads")
     dry_run: bool = opt("Only tell what would be done, and why.", False)

@@ -14,7 +14,7 @@ from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.spice import KernelLists
 from flows.diagnosis import FAILED
-from flows.options import BOOKS, ReprocessOptions
+from flows.options import BOOKS, ReprocessOptions, absolute
 from flows.places import index_object_store, index_store, place_of
 from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
@@ -81,6 +81,7 @@ class Run:
 def begin(options: ReprocessOptions) -> Run:
     """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of`, FailedError
     when the store cannot be written to."""
+    options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
     if options.fetch:
         fetch_missing(listed(options), options)
@@ -96,6 +97,12 @@ def begin(options: ReprocessOptions) -> Run:
     return Run(options, f"{stamp}-{uuid.uuid4().hex[:6]}", requests, Tally(len(requests)))
 
 
+def for_any_folder(options: ReprocessOptions) -> ReprocessOptions:
+    """The same with kernels that mean the same in every process, as the other paths do from the start."""
+    kernels = None if options.kernels is None else tuple(map(absolute, options.kernels))
+    return options.model_copy(update={"kernels": kernels})
+
+
 def sweep(store: Path, cache: Path) -> None:
     """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
     books = store / BOOKS
@@ -108,6 +115,7 @@ def sweep(store: Path, cache: Path) -> None:
 
 def planned(options: ReprocessOptions) -> tuple[Run, list[Plan]]:
     """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
+    options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
     requests = requests_of(options)
     run = Run(options, "dry", requests, Tally(len(requests)))
