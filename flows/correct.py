@@ -14,7 +14,8 @@ from flows.one_image import Result, one_result, twins
 from flows.options import CorrectOptions
 from flows.places import note_in_index
 from flows.progress import audience
-from flows.request import Request, requests_of
+from flows.request import Request
+from flows.requests import requests_of_files
 from flows.result import tally
 from flows.verdict import PUBLISHED
 from tasks.prefect_task import run_as_task
@@ -30,7 +31,7 @@ class ImagesNotOkError(Exception):
 def correct(options: CorrectOptions) -> State[list[Result]]:
     """Correct every image, some at a time; the flow fails, after all are done, when one is not ok. Raises RefusedError
     when the options are no good."""
-    requests = requests_of(options)
+    requests = requests_of_files(options)
     return correct_all(requests, options.workers or min(len(requests), os.cpu_count() or 1))
 
 

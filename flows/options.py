@@ -1,65 +1,24 @@
 """What users choose: one model per command, which is also the parameter of the Prefect flow of the same name.
 
-A field's description, bounds and default are the command line's and those of Prefect's page; `Cli` adds what only a
-command line needs. Nothing heavy is imported here, so that `--help` comes at once.
+See `flows.image_options` for what their fields have. Nothing heavy is imported here either.
 """
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, BeforeValidator, Field
 
 from catalog.settings import DEFAULT_PROFILE, cache_folder
+from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
-
-
-@dataclass(frozen=True)
-class Cli:
-    """How the command line spells a field. names: of the option, where they are not the field's; argument: it has no
-    name; metavar: in the help; text: its value is one text; folder: it must be a folder that is there."""
-
-    names: tuple[str, ...] = ()
-    argument: bool = False
-    metavar: str | None = None
-    text: bool = False
-    folder: bool = False
-
-
-def opt(description: str, default: Any = None, **bounds: Any) -> Any:
-    """A field with its help; `...` for one that must be given."""
-    return Field(default, description=description, **bounds)
-
-
-def two_numbers(given: Any) -> Any:
-    """`DX,DY` as two numbers. Raises ValueError for a text that is something else."""
-    if not isinstance(given, str):
-        return given
-    try:
-        x, y = (float(part) for part in given.split(","))
-    except ValueError as error:
-        raise ValueError(f"{given!r} is not two numbers.") from error
-    if not isfinite(x) or not isfinite(y):
-        raise ValueError(f"{given!r} is not finite.")
-    return x, y
 
 
 def comma_list(given: Any) -> Any:
     """`a, b` as a list."""
     return [part.strip() for part in given.split(",")] if isinstance(given, str) else given
-
-
-def known_flip(name: str | None) -> str | None:
-    """The name of a way to flip a picture. Raises ValueError for another."""
-    from catalog.flips import PLACES
-
-    if name is not None and name not in PLACES:
-        raise ValueError(f"{name!r} is none of {', '.join(PLACES)}.")
-    return name
 
 
 def absolute(path: Path) -> Path:
@@ -77,23 +36,14 @@ NameOrFile = Annotated[str, AfterValidator(name_or_file)]
 Paths = Annotated[tuple[Path, ...], Cli(argument=True), Field(description="Products' folders, or stores.")]
 OneStore = Annotated[Path, Cli(argument=True, folder=True)]
 Store = Annotated[str, Field(description="Folder that products are published in, or s3://bucket/prefix.")]
-Limits = tuple[FiniteFloat, FiniteFloat]
-Text = str | None
-File = Path | None
 LATITUDES, LONGITUDES = (-90.0, 90.0), (0.0, 360.0)
-
-
-class Options(BaseModel):
-    """What every command's options are: frozen, and no others."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True, defer_build=True)
 
 
 class KernelOptions(Options):
     """Which SPICE kernels are used."""
 
-    kernels: tuple[Path, ...] | None = opt("SPICE kernel, meta-kernel or folder; repeat for more.")
-    no_kernels: bool = opt("Use no kernels, not even default ones.", False)
+    kernels: tuple[Path, ...] | None = opt(description="SPICE kernel, meta-kernel or folder; repeat for more.")
+    no_kernels: bool = opt(False, description="Use no kernels, not even default ones.")
 
     @property
     def chosen_kernels(self) -> tuple[Path, ...] | None:
@@ -101,39 +51,20 @@ class KernelOptions(Options):
         return () if self.no_kernels else self.kernels or None
 
 
-class ImageOptions(Options):
-    """What may be given for an image, beside what its file says."""
-
-    camera: Text = opt("Camera name, or FILE.toml; overrides the label.")
-    target: Text = opt("Target name, or FILE.toml; overrides the label.")
-    pose_file: Annotated[File, Cli(("--pose",))] = opt("Pose file (JSON); overrides kernels and label.")
-    basemap: Annotated[File, Cli(("--map",))] = opt("Base map: an equirectangular picture of the whole body; or none.")
-    map_left_edge_deg: float = opt("East longitude of the map's left edge.", 0.0, ge=-360, le=360)
-    shape: File = opt("Shape model in km for the planes: DSK kernel, OBJ or PLY.")
-    start_offset_px: Annotated[
-        Limits | None, BeforeValidator(two_numbers), Cli(("--start-offset",), metavar="DX,DY", text=True)
-    ] = opt("Pixels added to the predicted centre; no search of the frame.")
-    mask: File = opt("Picture of the raw image's size; not 0: do not use the pixel.")
-    flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
-        "The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
-    )
-    resume: File = opt("Product folder, result.json or store to start from.")
-
-
 class CorrectOptions(ImageOptions, KernelOptions):
     """Correct the geometry of images and publish cubes."""
 
-    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt("Image files.", ...)
+    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
     store: Store = "out"
     product: Annotated[tuple[str, ...], Cli(metavar="NAME")] = opt(
-        "Name of the product instead of the file's; once for each file.", ()
+        (), description="Name of the product instead of the file's; once for each file."
     )
-    profile: str = opt("Which bricks: a name, or FILE.toml.", DEFAULT_PROFILE)
+    profile: str = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
     hold: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="GROUPS", text=True)] = opt(
-        "Do not change: range, attitude, roll, offset, psf (comma list).", ()
+        (), description="Do not change: range, attitude, roll, offset, psf (comma list)."
     )
-    max_passes: int | None = opt("Overrides the profile's passes.", ge=1, le=10)
-    workers: int | None = opt("Images at a time; default: one per processor.", ge=1)
+    max_passes: int | None = opt(ge=1, le=10, description="Overrides the profile's passes.")
+    workers: int | None = opt(ge=1, description="Images at a time; default: one per processor.")
 
     def of(self, positions: Sequence[int], workers: int) -> "CorrectOptions":
         """The options of some of the files."""
@@ -146,28 +77,34 @@ class ReprocessOptions(Options):
     """Correct the images of a list that are new or whose inputs, settings, kernels or code changed."""
 
     images: Annotated[NameOrFile, Cli(argument=True)] = opt(
-        "Image list: a name of the catalog, or a CSV, TOML or Parquet file.", ..., min_length=1
+        ..., min_length=1, description="Image list: a name of the catalog, or a CSV, TOML or Parquet file."
     )
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
-    profile: NameOrFile = opt("Which bricks: a name, or FILE.toml.", DEFAULT_PROFILE)
-    only: tuple[str, ...] = opt("Products like this (C16*); repeat for more.", ())
-    kernels: tuple[Path, ...] | None = opt("SPICE kernels for images whose list names none; repeat for more.")
-    workers: int = opt("Images at a time; 0: one per processor.", 0, ge=0)
-    runner: str = opt("Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler.", "threads")
-    dry_run: bool = opt("Only tell what would be done, and why.", False)
-    force: bool = opt("Also images that are unchanged; cached steps stay.", False)
-    again: bool = opt("Also images that were refused or failed before.", False)
-    verify: bool = opt("Compare every product with its checksums.", False)
-    image_timeout_s: float = opt("Seconds that one image may take.", 1800.0, ge=0.1)
-    image_memory_mb: float = opt("Memory that one image may take.", 6000.0, ge=50)
-    retries: int = opt("After faults that can pass.", 2, ge=0, le=20)
-    retry_delay_s: float = opt("Before the first; each further one is tripled.", 10.0, ge=0)
-    most_failed_percent: float = opt("More failed images make the flow fail and raise the alarm.", 5.0, ge=0, le=100)
-    fetch: bool = opt("First get what the list names and is not there.", False)
-    archive: Absolute | None = opt("Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt("Folder of cached steps (default: PLANETPOSE_CACHE).")
-    cache_limit_gb: float | None = opt("Prune the cache of steps to this size.", ge=0)
-    cache_days: float | None = opt("Prune what was not used for so long.", ge=0)
+    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    only: tuple[str, ...] = opt((), description="Products like this (C16*); repeat for more.")
+    kernels: tuple[Path, ...] | None = opt(
+        description="SPICE kernels for images whose list names none; repeat for more."
+    )
+    workers: int = opt(0, ge=0, description="Images at a time; 0: one per processor.")
+    runner: str = opt(
+        "threads", description="Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler."
+    )
+    dry_run: bool = opt(False, description="Only tell what would be done, and why.")
+    force: bool = opt(False, description="Also images that are unchanged; cached steps stay.")
+    again: bool = opt(False, description="Also images that were refused or failed before.")
+    verify: bool = opt(False, description="Compare every product with its checksums.")
+    image_timeout_s: float = opt(1800.0, ge=0.1, description="Seconds that one image may take.")
+    image_memory_mb: float = opt(6000.0, ge=50, description="Memory that one image may take.")
+    retries: int = opt(2, ge=0, le=20, description="After faults that can pass.")
+    retry_delay_s: float = opt(10.0, ge=0, description="Before the first; each further one is tripled.")
+    most_failed_percent: float = opt(
+        5.0, ge=0, le=100, description="More failed images make the flow fail and raise the alarm."
+    )
+    fetch: bool = opt(False, description="First get what the list names and is not there.")
+    archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
+    cache: Absolute | None = opt(description="Folder of cached steps (default: PLANETPOSE_CACHE).")
+    cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
+    cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 
     @property
     def folder(self) -> Path:
@@ -200,15 +137,17 @@ class ReprocessOptions(Options):
 class FetchOptions(Options):
     """Get the images, labels, kernels and maps of a list; exit status 1 when a file could not be had."""
 
-    catalog: Annotated[str, Cli(argument=True)] = opt("An image list: a name of the catalog, or a file.", ...)
-    only: tuple[str, ...] = opt("Products alone that match this pattern (C16*); repeat.", ())
-    what: tuple[str, ...] = opt("images, labels, kernels or maps; repeat. Default: all.", ())
-    mirror: Text = opt("URL or folder in place of all archives (PLANETPOSE_MIRROR).")
-    dest: File = opt("Folder of fetched files (PLANETPOSE_ARCHIVE).")
-    attempts: int = opt("Attempts per file.", 4, ge=1, le=20)
-    stall_s: float = opt("Silence that ends an attempt.", 30.0, ge=0.1)
-    requests_per_s: float = opt("To one host.", 4.0, ge=0.01)
-    largest_mb: float = opt("Largest file that is fetched.", 2000.0, ge=0.001)
+    catalog: Annotated[str, Cli(argument=True)] = opt(
+        ..., description="An image list: a name of the catalog, or a file."
+    )
+    only: tuple[str, ...] = opt((), description="Products alone that match this pattern (C16*); repeat.")
+    what: tuple[str, ...] = opt((), description="images, labels, kernels or maps; repeat. Default: all.")
+    mirror: Text = opt(description="URL or folder in place of all archives (PLANETPOSE_MIRROR).")
+    dest: File = opt(description="Folder of fetched files (PLANETPOSE_ARCHIVE).")
+    attempts: int = opt(4, ge=1, le=20, description="Attempts per file.")
+    stall_s: float = opt(30.0, ge=0.1, description="Silence that ends an attempt.")
+    requests_per_s: float = opt(4.0, ge=0.01, description="To one host.")
+    largest_mb: float = opt(2000.0, ge=0.001, description="Largest file that is fetched.")
 
 
 class ExportOptions(Options):
@@ -216,78 +155,86 @@ class ExportOptions(Options):
 
     paths: Paths
     format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
-        "fits, geotiff, cog, zarr-map, stac, csv, parquet; repeat for more.", ..., min_length=1
+        ..., min_length=1, description="fits, geotiff, cog, zarr-map, stac, csv, parquet; repeat for more."
     )
-    out: Path = opt("Folder that files are written into.", Path("export"))
-    projection: str = opt("Maps: equirectangular, orthographic or polar-stereographic.", "equirectangular")
+    out: Path = opt(Path("export"), description="Folder that files are written into.")
+    projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")
     resolution_km: Annotated[float | None, Cli(("--resolution-km", "--resolution"))] = opt(
-        "Maps: km per pixel; default: the image's."
+        description="Maps: km per pixel; default: the image's."
     )
-    central_longitude_deg: float | None = opt("Maps: middle of an equirectangular one, lower meridian of a polar one.")
-    kernel: str = opt("Maps: nearest, bilinear or cubic.", "bilinear")
-    max_emission_deg: float | None = opt("Maps and tables: no farther to the limb; default 85 and 90.", ge=0, le=90)
-    max_incidence_deg: float = opt("Tables.", 90.0, ge=0, le=180)
-    latitude: Limits = opt("Tables: south and north limit.", LATITUDES)
-    longitude: Limits = opt("Tables: west and east limit, east positive; may run through 0.", LONGITUDES)
-    every_flag: bool = opt("Tables: flagged pixels on the body too.", False)
+    central_longitude_deg: float | None = opt(
+        description="Maps: middle of an equirectangular one, lower meridian of a polar one."
+    )
+    kernel: str = opt("bilinear", description="Maps: nearest, bilinear or cubic.")
+    max_emission_deg: float | None = opt(
+        ge=0, le=90, description="Maps and tables: no farther to the limb; default 85 and 90."
+    )
+    max_incidence_deg: float = opt(90.0, ge=0, le=180, description="Tables.")
+    latitude: Limits = opt(LATITUDES, description="Tables: south and north limit.")
+    longitude: Limits = opt(LONGITUDES, description="Tables: west and east limit, east positive; may run through 0.")
+    every_flag: bool = opt(False, description="Tables: flagged pixels on the body too.")
 
 
 class ReportOptions(Options):
     """Write a store as static HTML: sortable table, distributions per camera, a page with pictures for every image."""
 
-    store: OneStore = opt("A store.", ...)
-    out: Path = opt("Folder for index.html, pages and pictures.", Path("out/report"))
-    picture: tuple[str, ...] = opt("overlay, residual, planes, limb; repeat for more. Default: the first three.", ())
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("out/report"), description="Folder for index.html, pages and pictures.")
+    picture: tuple[str, ...] = opt(
+        (), description="overlay, residual, planes, limb; repeat for more. Default: the first three."
+    )
 
 
 class KernelsOptions(KernelOptions):
     """Write corrected SPICE kernels: camera orientation, spacecraft position, target attitude, meta-kernels."""
 
     paths: Paths
-    out: Path = opt("Folder that the sets are written in, a folder each.", Path("kernels"))
-    per_image: bool = opt("A set per image instead of one per mission.", False)
-    check: bool = opt("Compare with plain SPICE in a second process.", True)
+    out: Path = opt(Path("kernels"), description="Folder that the sets are written in, a folder each.")
+    per_image: bool = opt(False, description="A set per image instead of one per mission.")
+    check: bool = opt(True, description="Compare with plain SPICE in a second process.")
 
 
 class PhotometryOptions(Options):
     """Fit a phase function to a region's pixels in all images of a store."""
 
-    store: OneStore = opt("A store, or one product's folder.", ...)
-    law: str = opt("lunar-lambert or hapke.", "lunar-lambert")
-    latitude: Limits = opt("South and north limit.", LATITUDES)
-    longitude: Limits = opt("West and east limit, east positive; may run through 0.", LONGITUDES)
-    regions: File = opt("CSV file of regions instead: region, south, north, west, east.")
+    store: OneStore = opt(..., description="A store, or one product's folder.")
+    law: str = opt("lunar-lambert", description="lunar-lambert or hapke.")
+    latitude: Limits = opt(LATITUDES, description="South and north limit.")
+    longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
+    regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
     max_incidence_deg: float = Field(75.0, ge=0, le=90)
     max_emission_deg: float = Field(75.0, ge=0, le=90)
     hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
-        "A parameter that is not solved; repeat for more.", ()
+        (), description="A parameter that is not solved; repeat for more."
     )
     calibration_percent: float = opt(
-        "1-sigma of the images' calibration against each other; 0: it is exact.", 5.0, ge=0
+        5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
     )
     units_per_if: float | None = opt(
-        "Hapke: image units per I/F; without it w comes from the brightness' shape alone.", ge=1e-12
+        ge=1e-12, description="Hapke: image units per I/F; without it w comes from the brightness' shape alone."
     )
-    albedo_map: bool = opt("Divide out the base map that the products were made with.", False)
-    doubtful: bool = opt("Doubtful images too.", False)
-    bootstrap: int = opt("Uncertainties from that many fits to ground drawn anew; 0: from the covariance.", 0, ge=0)
-    max_pixels: int = opt("Pixels per image; of more every k-th is used.", 5_000, ge=100)
-    out: Path = opt("Folder for tables and figures.", Path("photometry"))
+    albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+    bootstrap: int = opt(
+        0, ge=0, description="Uncertainties from that many fits to ground drawn anew; 0: from the covariance."
+    )
+    max_pixels: int = opt(5_000, ge=100, description="Pixels per image; of more every k-th is used.")
+    out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
 
 
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 
-    store: Annotated[Path, Cli(argument=True)] = opt("Store of images that the joint step corrected.", ...)
-    out: File = opt("Folder for adjust.json and a pose file per image.")
-    gap: float = opt("Longest pause within a sequence, seconds.", 300.0, ge=0.001)
+    store: Annotated[Path, Cli(argument=True)] = opt(..., description="Store of images that the joint step corrected.")
+    out: File = opt(description="Folder for adjust.json and a pose file per image.")
+    gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
 
 
 class CheckOptions(Options):
     """Check published products: checksums, schema, values, provenance, and geometry against their own pose."""
 
     paths: Annotated[tuple[str, ...], Cli(argument=True)] = opt(
-        "Stores, or products' folders; stores may be s3://bucket/prefix.", ...
+        ..., description="Stores, or products' folders; stores may be s3://bucket/prefix."
     )
 
 

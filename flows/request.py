@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, ValidationError, field_validator
+from pydantic import BaseModel, BeforeValidator, Field, field_validator
 
 from catalog.basemap import NO_MAP, packaged_map_path
 from catalog.camera import Camera, find_camera, known_cameras
@@ -16,7 +16,7 @@ from catalog.plain_text import is_text, shown_path
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
 from catalog.target import Target, find_target, is_target_file, known_targets
-from flows.options import CorrectOptions, ImageOptions
+from flows.image_options import ImageOptions
 from tasks.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
 
@@ -65,46 +65,6 @@ class Request(ImageOptions):
     def kernel_paths(self) -> list[Path]:
         """The kernels to use."""
         return list(self.kernels) if self.kernels is not None else default_kernels()
-
-
-def requests_of(options: CorrectOptions) -> list[Request]:
-    """One request per file, in their order. Raises RefusedError that names the option when the options are no good: for
-    an unknown profile, one with nothing left to correct, or products that are too few or no names of folders."""
-    from flows.places import usable_place_of
-
-    place, names = usable_place_of(options.store), product_names(options)
-    shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
-    shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}
-    shared |= {"store": place.store, "publish_to": place.publish_to}
-    return [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
-
-
-def product_names(options: CorrectOptions) -> list[str]:
-    """Names of the files' products, those given or those of the files."""
-    if not options.product:
-        return [safe_product_name(file.stem) for file in options.files]
-    remedy = "Give --product once for each file."
-    if len(options.product) != len(options.files):
-        fault = f"{len(options.product)} names for {len(options.files)} files."
-        raise RefusedError("product-invalid", fault, remedy)
-    for name in options.product:
-        if not is_safe_product_name(name):
-            fault = f"{name!r} is no name for a folder in a store."
-            raise RefusedError("product-invalid", fault, f"{safe_product_name(name)!r} would be.")
-    return list(options.product)
-
-
-def profile_of_options(options: CorrectOptions) -> Profile:
-    """The profile with what the options hold, and their number of passes."""
-    profile = find_profile(options.profile)
-    if options.max_passes:
-        profile = profile.model_copy(update={"passes": options.max_passes})
-    try:
-        return profile.holding(options.hold) if options.hold else profile
-    except ValidationError as error:
-        faults = "; ".join(fault["msg"] for fault in error.errors())
-        remedy = "Known are range, attitude, roll, offset and psf."
-        raise RefusedError("hold-invalid", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
 
 
 def refuse_what_is_no_text(request: Request) -> None:

@@ -16,9 +16,9 @@ from catalog.spice import KernelLists
 from flows.options import BOOKS, ReprocessOptions
 from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.planning import plan_of
-from flows.reprocessing.requests import requests_of
 from flows.reprocessing.tally import RUNS, STATUSES
 from flows.reprocessing.worker import DIGESTS
+from flows.requests import requests_of_list
 from flows.verdict import PUBLISHED
 
 Status = dict[str, Any]
@@ -119,7 +119,7 @@ def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
         options = ReprocessOptions(**run.get("parameters", {}))
         remember_digests(options.steps_cache / DIGESTS)
         kernels = KernelLists()
-        plans = [replace(plan_of(each, options, kernels), trace={}, last=None) for each in requests_of(options)]
+        plans = [replace(plan_of(each, options, kernels), trace={}, last=None) for each in requests_of_list(options)]
     except (PlanetposeError, ValidationError) as error:
         return found | {"fault": getattr(error, "reason", str(error)), "images": None, "why": {}, "products": []}
     wanted = [plan for plan in plans if plan.do]

@@ -23,13 +23,13 @@ def correct(options: CorrectOptions, server: Server = None, json: Json = False, 
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
     from flows.progress import reporter
-    from flows.request import requests_of
+    from flows.requests import requests_of_files
     from flows.result import exit_status, tally
     from flows.run import run_requests
 
     usable_profile(options.profile, None, quiet)
     with wrong_usage():
-        requests = requests_of(options)
+        requests = requests_of_files(options)
     refuse_useless_kernels(options.kernels)
     log_to_stderr()
 

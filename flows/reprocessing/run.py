@@ -18,10 +18,10 @@ from flows.options import BOOKS, ReprocessOptions, absolute
 from flows.places import index_object_store, index_store, place_of
 from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.requests import fetch_missing, listed, requests_of
 from flows.reprocessing.tally import RUNS, Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.request import Request
+from flows.requests import fetch_missing, listed, requests_of_list
 from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.cache import prune, sweep_cache
@@ -79,13 +79,13 @@ class Run:
 
 
 def begin(options: ReprocessOptions) -> Run:
-    """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of`, FailedError
-    when the store cannot be written to."""
+    """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of_list`,
+    FailedError when the store cannot be written to."""
     options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
     if options.fetch:
         fetch_missing(listed(options), options)
-    requests = requests_of(options)
+    requests = requests_of_list(options)
     try:
         options.books.mkdir(parents=True, exist_ok=True)
         sweep(options.folder, options.steps_cache)
@@ -117,7 +117,7 @@ def planned(options: ReprocessOptions) -> tuple[Run, list[Plan]]:
     """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
     options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
-    requests = requests_of(options)
+    requests = requests_of_list(options)
     run = Run(options, "dry", requests, Tally(len(requests)))
     return run, [replace(plan, trace={}, last=None) for plan in run.plans()]
 

@@ -16,8 +16,8 @@ from catalog.readers import read_frame
 from catalog.target import Target, find_target, known_targets
 from flows.inputs import image_inputs
 from flows.options import ReprocessOptions
-from flows.reprocessing.requests import request_of
 from flows.request import Request, target_inputs
+from flows.requests import request_of
 from tasks.ingest import pose_step
 from tasks.profile import find_profile
 from tasks.work import Work

@@ -75,7 +75,10 @@ SAME = {
         'def f(x):\n    fault = f"bad is {x}!"\n    raise RefusedError("c", fault, "Yes.")\n',
     ),
 }
+SAME |= {"a description": ('X = Field(1, description="one", ge=0)\n', 'X = Field(1, description="another", ge=0)\n')}
 OTHER = {
+    "a bound beside a description": ('X = Field(1, ge=0, description="a")\n', 'X = Field(1, ge=1, description="a")\n'),
+    "a description that is computed": ("X = f(description=a)\n", "X = f(description=b)\n"),
     "a number": ("X = 1\n", "X = 2\n"),
     "an operator": ("def f(a):\n    return a + 1\n", "def f(a):\n    return a - 1\n"),
     "the code of an error": ('raise RefusedError("a", "x y", "")\n', 'raise RefusedError("b", "x y", "")\n'),

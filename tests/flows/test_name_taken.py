@@ -17,9 +17,9 @@ from flows.progress import Silent
 from flows.reprocessing.image_task import job_of, outcome_of
 from flows.reprocessing.outcomes import all_outcomes, write_outcome
 from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.requests import requests_of
 from flows.reprocessing.run import Run, Tally
 from flows.reprocessing.worker import do
+from flows.requests import requests_of_list
 from flows.status import status_of
 from lab.fuzz.batch import Ground
 from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
@@ -158,7 +158,7 @@ def lists(ground: Ground, raw: Path, tmp_path: Path) -> list[ReprocessOptions]:
 
 
 def planned(settings: ReprocessOptions) -> Plan:
-    (request,) = requests_of(settings)
+    (request,) = requests_of_list(settings)
     return plan_of(request, settings)
 
 

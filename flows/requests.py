@@ -1,7 +1,9 @@
-"""The requests of an image list, and how what it names and this machine has not is fetched before."""
+"""The requests of a command: of files, or of an image list; and the fetching of what a list names before."""
 
 import logging
 from pathlib import Path
+
+from pydantic import ValidationError
 
 from catalog.basemap import NO_MAP
 from catalog.errors import FailedError, RefusedError
@@ -10,17 +12,57 @@ from catalog.fetch.many import fetch_items, summary_of
 from catalog.fetch.settings import default_mirror
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import archive_folder
 from catalog.target import is_target_file
-from flows.options import ReprocessOptions
-from flows.places import place_of
+from flows.image_options import ImageOptions
+from flows.options import CorrectOptions, ReprocessOptions
+from flows.places import place_of, usable_place_of
 from flows.request import Request
 from tasks.profile import Profile, find_profile
 
 logger = logging.getLogger("planetpose")
 
 
-def requests_of(options: ReprocessOptions) -> list[Request]:
+def requests_of_files(options: CorrectOptions) -> list[Request]:
+    """One request per file, in their order. Raises RefusedError that names the option when the options are no good: for
+    an unknown profile, one with nothing left to correct, or products that are too few or no names of folders."""
+    place, names = usable_place_of(options.store), product_names(options)
+    shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
+    shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}
+    shared |= {"store": place.store, "publish_to": place.publish_to}
+    return [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
+
+
+def product_names(options: CorrectOptions) -> list[str]:
+    """Names of the files' products, those given or those of the files."""
+    if not options.product:
+        return [safe_product_name(file.stem) for file in options.files]
+    remedy = "Give --product once for each file."
+    if len(options.product) != len(options.files):
+        fault = f"{len(options.product)} names for {len(options.files)} files."
+        raise RefusedError("product-invalid", fault, remedy)
+    for name in options.product:
+        if not is_safe_product_name(name):
+            fault = f"{name!r} is no name for a folder in a store."
+            raise RefusedError("product-invalid", fault, f"{safe_product_name(name)!r} would be.")
+    return list(options.product)
+
+
+def profile_of_options(options: CorrectOptions) -> Profile:
+    """The profile with what the options hold, and their number of passes."""
+    profile = find_profile(options.profile)
+    if options.max_passes:
+        profile = profile.model_copy(update={"passes": options.max_passes})
+    try:
+        return profile.holding(options.hold) if options.hold else profile
+    except ValidationError as error:
+        faults = "; ".join(fault["msg"] for fault in error.errors())
+        remedy = "Known are range, attitude, roll, offset and psf."
+        raise RefusedError("hold-invalid", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
+
+
+def requests_of_list(options: ReprocessOptions) -> list[Request]:
     """One request per image of the list, in its order. Raises RefusedError when list or profile are unknown, or no
     product matches `only`."""
     found, profile = listed(options), find_profile(options.profile)
@@ -28,7 +70,7 @@ def requests_of(options: ReprocessOptions) -> list[Request]:
 
 
 def listed(options: ReprocessOptions) -> ImageList:
-    """The image list, or those of it that match `only`. Raises RefusedError as `requests_of`."""
+    """The image list, or those of it that match `only`. Raises RefusedError as `requests_of_list`."""
     found = load_image_list(options.images)
     if not options.only:
         return found
