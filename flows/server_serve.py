@@ -20,6 +20,8 @@ PRIVATE = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "DO_NOT_TRACK": "1",
     "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+    # The newer pages ask an analytics host for its configuration, whatever PREFECT_SERVER_ANALYTICS_ENABLED says.
+    "PREFECT_SERVER_UI_V2_ENABLED": "false",
     # Runs that ended a month ago, and their events: otherwise the database grows for ever.
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),
