@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from catalog.basemap import MAX_MAP_BYTES
+from catalog.body import MAX_SHAPE_BYTES
 from catalog.digest import input_changed, sha256_of_file
 from catalog.errors import RefusedError
 from catalog.mask import MAX_MASK_BYTES
 from catalog.readers import image_is_folder
 from catalog.readers.reading import MAX_FILE_BYTES
 from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
-from catalog.target import MAX_SHAPE_BYTES
 
 LARGEST_BYTES = {
     "image": MAX_FILE_BYTES,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
 from flows.options import (
     AdjustOptions,
@@ -36,14 +36,6 @@ class Row:
 
 
 Show = Callable[[Row], None]
-
-
-class WrongOptionError(RefusedError):
-    """An option has a value that the command does not know."""
-
-    def __init__(self, option: str, fault: str, remedy: str) -> None:
-        super().__init__(f"{option}-unknown", fault, remedy)
-        self.option = option
 
 
 def refuse_unknown(option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:

@@ -45,7 +45,7 @@ def one_result(
 
 
 def run_and_report(reporter: Reporter, stop: Event, run_step: RunStep, step: AnyStep) -> Record:
-    """Run one step, telling the reporter that it begins and how it iterates. Raises FailedError once `stop` is set."""
+    """Run one step and report its begin and its iterations. Raises FailedError once `stop` is set."""
 
     def progress(_: str, iteration: int, text: str) -> None:
         if stop.is_set():
@@ -60,7 +60,7 @@ def answer_from_cache(request: Request) -> Result | None:
     """The result of `request` if no step has to be done for it, else None.
 
     An image that is refused before its first missing step (no such file, unknown camera) is answered too: the steps
-    would not change that. Trouble of another kind is left to the flow, which tells it.
+    would not change that. Trouble of another kind is left to the flow, which reports it.
     """
     chain = Chain(request, only_cached)
     error = trouble_of(lambda: correct_image(chain), request.product, log=False)

@@ -60,8 +60,8 @@ def prepare(choice: str) -> None:
 
 @contextmanager
 def server_at_hand(choice: str) -> Iterator[None]:
-    """The server that `prepare` has chosen is up within the `with` block; an embedded one is started, and the user told
-    when that takes long."""
+    """The server that `prepare` has chosen is up within the `with` block; an embedded one is started, and the user is
+    informed when that takes long."""
     from prefect.client.orchestration import get_client
 
     if choice != EMBEDDED:

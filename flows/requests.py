@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from catalog.basemap import NO_MAP
-from catalog.errors import FailedError, RefusedError
+from catalog.errors import FailedError, RefusedError, WrongOptionError
 from catalog.fetch import FetchSettings, planned_items
 from catalog.fetch.many import fetch_items, summary_of
 from catalog.fetch.settings import default_mirror
@@ -41,11 +41,11 @@ def product_names(options: CorrectOptions) -> list[str]:
     remedy = "Give --product once for each file."
     if len(options.product) != len(options.files):
         fault = f"{len(options.product)} names for {len(options.files)} files."
-        raise RefusedError("product-invalid", fault, remedy)
+        raise WrongOptionError("product", fault, remedy)
     for name in options.product:
         if not is_safe_product_name(name):
             fault = f"{name!r} is no name for a folder in a store."
-            raise RefusedError("product-invalid", fault, f"{safe_product_name(name)!r} would be.")
+            raise WrongOptionError("product", fault, f"{safe_product_name(name)!r} would be.")
     return list(options.product)
 
 
@@ -59,7 +59,7 @@ def profile_of_options(options: CorrectOptions) -> Profile:
     except ValidationError as error:
         faults = "; ".join(fault["msg"] for fault in error.errors())
         remedy = "Known are range, attitude, roll, offset and psf."
-        raise RefusedError("hold-invalid", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
+        raise WrongOptionError("hold", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
 
 
 def requests_of_list(options: ReprocessOptions) -> list[Request]:

@@ -3,7 +3,7 @@ needs it. It asks for a password that only its user can read.
 
 Prefect needs a server for every flow, and starting one takes 4 to 15 s; so the first command that has work to do starts
 one in the background. A keeper process (`flows.server_keeper`) owns it and stops it after a time without use. Whether
-it lives is told by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
+it lives is known by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
 """
 
 import fcntl

@@ -1,6 +1,6 @@
 """A Prefect server in the foreground, for systemd, a container, or a terminal.
 
-It listens on this machine's own address unless told otherwise, and then only behind authentication. Database and
+It listens on this machine's own address unless another is given, and then only behind authentication. Database and
 secrets come from the environment, as Prefect documents it.
 """
 

@@ -1,4 +1,4 @@
-"""What is believed of a corrected pose: refused outright, doubted, or taken."""
+"""The verdict on a corrected pose: refused, doubtful, or accepted; and whether the passes have converged."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 from catalog.errors import PlanetposeError
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
-from tasks.accept.judgement import (
+from tasks.accept.acceptance import (
     doubtful_blocks,
     doubtful_blur,
     doubtful_likeness,
@@ -15,7 +15,7 @@ from tasks.accept.judgement import (
     is_about_orientation,
 )
 from tasks.accept.rest import at_rest
-from tasks.diagnose.telling import MAP
+from tasks.diagnose.diagnosis import MAP
 from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
@@ -33,7 +33,7 @@ PUBLISHED = ("ok", "doubtful")
 def doubts(chain: Chain) -> list[str]:
     """Why the corrected pose is doubtful, each as `code: fault. Remedy.`; empty when nothing speaks against it.
 
-    A correction doubts by a text under `doubt` in its evidence; only the last one of a kind is asked.
+    A correction doubts by a text under `doubt` in its evidence; only the last one of a kind counts.
     """
     last = {done.step.kind.name: done.result for done in chain.done.values()}
     judged, accept = chain.last(VALIDATE), chain.request.profile.accept
@@ -51,7 +51,7 @@ def doubts(chain: Chain) -> list[str]:
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
         found += [doubtful_sun(accept, report.sun), report.doubt]
     found = [doubt for doubt in found if doubt]
-    found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause is told before what may follow from it
+    found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause comes before what may follow from it
     if found and judged:
         spoilt = [doubtful_blocks(accept, judged.result.blocks), doubtful_blur(accept, judged.result.limb)]
         found = [doubt for doubt in (*spoilt, cause_of_doubts(chain)) if doubt] + found
@@ -64,8 +64,8 @@ def code_of(doubt: str) -> str:
 
 
 def cause_of_doubts(chain: Chain) -> str | None:
-    """What the step `diagnose` found of a pose that was corrected and doubted; None where it was not asked, or was
-    asked before, of a failure."""
+    """What the step `diagnose` found of a pose that was corrected and doubted; None where it was not done, or was
+    done before, for a failure."""
     found = chain.last(DIAGNOSE)
     cause = found.result.diagnosis if found and is_of_doubts(chain) else None
     return f"{cause.code}: {cause.fault} {cause.remedy}" if cause and cause.code != MAP else None

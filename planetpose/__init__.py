@@ -109,9 +109,9 @@ def __dir__() -> list[str]:
 
 
 def _warn_of_hidden_modules() -> None:
-    from planetpose.hidden import HiddenModuleWarning, told
+    from planetpose.hidden import HiddenModuleWarning, warnings_of
 
-    for text in told(planetpose_launcher.put_aside, planetpose_launcher.hidden()):
+    for text in warnings_of(planetpose_launcher.put_aside, planetpose_launcher.hidden()):
         warnings.warn(text, HiddenModuleWarning, stacklevel=3)
 
 

@@ -28,7 +28,7 @@ def correct(options: CorrectOptions, server: Server = None, json: Json = False, 
     from flows.run import run_requests
 
     usable_profile(options.profile, None, quiet)
-    with wrong_usage():
+    with wrong_usage("--store"):
         requests = requests_of_files(options)
     refuse_useless_kernels(options.kernels)
     log_to_stderr()

@@ -1,12 +1,11 @@
 """planetpose adjust, check, export, fetch, kernels, photometry, report: the commands on lists and stores"""
 
 import sys
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels
+from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
 from flows.options import (
     AdjustOptions,
     CheckOptions,
@@ -57,7 +56,8 @@ def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) ->
         answer("fetch", options, json)
     from flows.commands import items_of
 
-    items, archive = known_options(lambda: items_of(options))
+    with wrong_usage():
+        items, archive = items_of(options)
     for item in items:
         print(f"{item.source} -> {archive / item.path}")
 
@@ -99,15 +99,6 @@ def answer(command: str, options: Options, json: bool, quiet: bool = False) -> N
             elif not json and row.text:
                 print(row.text, file=stream, flush=True)
 
-        known_options(lambda: getattr(commands, command)(options, show))
+        with wrong_usage():
+            getattr(commands, command)(options, show)
     sys.exit(0 if good else 1)
-
-
-def known_options(work: Callable[[], Any]) -> Any:
-    """What `work` returns; an option's value that it does not know is wrong usage."""
-    from flows.commands import WrongOptionError
-
-    try:
-        return work()
-    except WrongOptionError as error:
-        raise typer.BadParameter(str(error), param_hint=f"--{error.option}") from error

@@ -14,7 +14,7 @@ from annotated_types import Ge, Le
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from flows.options import Cli, Options
 
 Json = Annotated[bool, typer.Option("--json", help="One JSON object per line on stdout.")]
@@ -66,12 +66,16 @@ def add_command(app: typer.Typer, model: type[Options], body: Callable[..., None
 
 @contextmanager
 def wrong_usage(option: str | None = None) -> Iterator[None]:
-    """What is refused within the `with` block is wrong usage of an option, that of the refusal's first word unless
-    `option` names it."""
+    """An option's value that is not taken within the `with` block is wrong usage; so is whatever is refused there, when
+    `option` is named."""
     try:
         yield
+    except WrongOptionError as error:
+        raise typer.BadParameter(str(error), param_hint=f"--{error.option}") from error
     except RefusedError as error:
-        raise typer.BadParameter(str(error), param_hint=option or f"--{error.code.partition('-')[0]}") from error
+        if option is None:
+            raise
+        raise typer.BadParameter(str(error), param_hint=option) from error
 
 
 def refuse_useless_kernels(paths: Sequence[Path] | None) -> None:
@@ -86,7 +90,7 @@ def refuse_useless_kernels(paths: Sequence[Path] | None) -> None:
 
 
 def options_of(model: type[Options], given: dict[str, Any]) -> Options:
-    """The options; what a model does not take is wrong usage, told with the option's name."""
+    """The options; what a model does not take is wrong usage, with the option's name."""
     try:
         return model(**given)
     except ValidationError as error:

@@ -50,8 +50,8 @@ def planes(
             broken += reason is not None
             if json:
                 path = None if reason else str(folder / EXTRA)
-                told = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
-                write_json(answer, told)
+                content = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
+                write_json(answer, content)
             else:
                 print(f"{product}: {reason}" if reason else folder / EXTRA, file=answer, flush=True)
     if broken:

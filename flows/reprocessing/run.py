@@ -42,7 +42,7 @@ class Run:
     why: dict[str, str] = field(default_factory=dict)
 
     def plans(self) -> Iterator[Plan]:
-        """The plan of every image, in the list's order, made when it is asked for."""
+        """The plan of every image, in the list's order, made when it is needed."""
         kernels = KernelLists()
         for request in self.requests:
             plan = plan_of(request, self.options, kernels)

@@ -11,6 +11,7 @@ import numpy as np
 
 from catalog.errors import RefusedError
 from catalog.lists.scan import LABEL_SUFFIXES, looks_like_an_image
+from catalog.reasons import Reason
 from lab.fuzz.damage import DAMAGES
 from lab.fuzz.reader_process import ReaderProcess
 
@@ -74,7 +75,7 @@ def originals_in(folder: Path) -> list[Original]:
             beside = (path.with_suffix(suffix) for suffix in LABEL_SUFFIXES)
             found.append(Original(path, next((label for label in beside if label.is_file()), None)))
     if not found:
-        raise RefusedError("no-images", f"{folder} holds no image.", "Give the folder of real files (--folder).")
+        raise RefusedError(Reason.NO_IMAGES, f"{folder} holds no image.", "Give the folder of real files (--folder).")
     return found
 
 

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.robust import sigma_about_zero
 from tasks.compare.brightness import correlation
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, measure_limb
@@ -20,7 +21,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
-# Shifts beyond so many robust sigmas (1.4826 times the median of their sizes) count as if they were just there.
+# Shifts beyond so many robust sigmas (by the median of their sizes) count as if they were just there.
 CLIPPED_SIGMAS = 2.5
 # Below this a robust sigma is the sampling's, not the limb's.
 LEAST_SIGMA_PX = 0.02
@@ -137,7 +138,7 @@ def robust_rms(shift_px: Array) -> float:
     larger, as a whole does, by as much as it is off (winsorised second moment: Huber, Robust Statistics, 1981).
     """
     size = np.abs(shift_px)
-    sigma = max(1.4826 * float(np.median(size)), LEAST_SIGMA_PX)
+    sigma = max(sigma_about_zero(size), LEAST_SIGMA_PX)
     return _rms(np.minimum(size, CLIPPED_SIGMAS * sigma))
 
 

@@ -11,8 +11,8 @@ from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.verdict import reminded
-from tasks.accept.judgement import (
-    believe,
+from tasks.accept.acceptance import (
+    check_limb,
     doubtful_limb,
     explained,
     is_about_orientation,
@@ -71,7 +71,7 @@ def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -
 def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
     for tried, words in ((40, "only 3 segments of the lit limb"), (0, "lit limb is nowhere on usable pixels")):
         with pytest.raises(FailedError, match=words) as failure:
-            believe(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
+            check_limb(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
         assert failure.value.code == "limb-not-measured"
 
 

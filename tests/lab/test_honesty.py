@@ -15,7 +15,8 @@ from lab.honesty.geometry import planted_errors, seen_geometry, seen_place_px, t
 from lab.honesty.report import summary
 from lab.honesty.run import Job, chosen_scenes, read_rows, run_scene, run_scenes
 from lab.honesty.scene import Other, Scene
-from lab.honesty.table import GROUPS, LENS_NAMES, all_scenes
+from lab.honesty.table import GROUPS, all_scenes
+from lab.honesty.table_surfaces import LENS_NAMES
 from lab.honesty.tables import markdown
 from tasks.profile import find_profile
 
