@@ -1,7 +1,7 @@
 """What the commands on lists and stores do: each shows a row per product or file as soon as it is known. The command
 line prints the rows, the Prefect flows of the same names log them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,6 @@ from flows.options import (
 
 if TYPE_CHECKING:
     from catalog.fetch import Item
-    from tasks.publish.check import Fault
 
 
 @dataclass(frozen=True)
@@ -216,6 +215,8 @@ def adjust(options: AdjustOptions, show: Show) -> None:
 
 def check(options: CheckOptions, show: Show) -> None:
     """A row per product, then how many are sound."""
+    from tasks.objectstore.checked import each_checked
+
     sound, count = 0, 0
     for folder, faults in each_checked(options.paths):
         count, sound = count + 1, sound + (not faults)
@@ -224,29 +225,3 @@ def check(options: CheckOptions, show: Show) -> None:
         text = "\n".join(f"{folder}: {fault}" for fault in faults) or f"{folder}: sound"
         show(Row(text, {**names, "sound": not faults, "faults": named}, not faults, minor=not faults))
     show(Row(f"{sound} of {count} products sound"))
-
-
-def each_checked(paths: tuple[str, ...]) -> "Iterator[tuple[str, list[Fault]]]":
-    """Every product's place and faults; one in an object store is copied here for as long as that takes."""
-    from tasks.objectstore.location import is_url, open_object_store
-    from tasks.objectstore.reading import local_copy, whole_products
-    from tasks.publish.check import products_in
-
-    for path in paths:
-        if not is_url(path):
-            yield from ((str(folder), faults_in(folder)) for folder in products_in(Path(path)))
-            continue
-        store = open_object_store(path)
-        for product in whole_products(store):
-            with local_copy(store, product) as folder:
-                yield f"{store.url}/{product}", faults_in(folder)
-
-
-def faults_in(folder: Path) -> "list[Fault]":
-    """Faults of one product; one that cannot be looked at has that as its fault."""
-    from tasks.boundary import reason_of, trouble_of
-    from tasks.publish.check import Fault, product_faults
-
-    faults: list[Fault] = []
-    error = trouble_of(lambda: faults.extend(product_faults(folder)), folder.name)
-    return faults if error is None else [Fault("file", f"the product cannot be checked: {reason_of(error)}")]

@@ -56,7 +56,7 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, corrected)
-    if not chain.only_asks:
+    if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
     if request.publish_to:

@@ -1,21 +1,19 @@
 """The request for one image, and the inputs that follow from it before any work."""
 
-from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, Field, field_validator
+from pydantic import BeforeValidator, Field, field_validator
 
 from catalog.basemap import NO_MAP, packaged_map_path
-from catalog.camera import Camera, find_camera, known_cameras
-from catalog.digest import sha256_of_json
+from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
 from catalog.input_file import digest_of
+from catalog.names_digest import camera_names_digest
 from catalog.plain_text import is_text, shown_path
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
-from catalog.target import Target, find_target, is_target_file, known_targets
+from catalog.target import Target, find_target, is_target_file
 from flows.image_options import ImageOptions
 from tasks.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
@@ -91,22 +89,6 @@ def target_inputs(request: Request) -> Target | str | None:
     if request.target is None or not is_target_file(request.target):
         return request.target
     return find_target(request.target)
-
-
-@cache
-def camera_names_digest() -> str:
-    """Content of the catalog's camera files, and of those of plugins, whose spellings labels are compared with."""
-    return _digest_of(known_cameras())
-
-
-@cache
-def target_names_digest() -> str:
-    """Content of the catalog's target files, and of those of plugins, whose spellings labels are compared with."""
-    return _digest_of(known_targets())
-
-
-def _digest_of(known: Mapping[str, BaseModel]) -> str:
-    return sha256_of_json({name: each.model_dump(mode="json", exclude_unset=True) for name, each in known.items()})
 
 
 def projected_target(request: Request, target: Target) -> Target:

@@ -4,9 +4,8 @@ A trace is plain JSON: the profile, and of each step its name, key, code version
 failure. It holds all that the flow needs to find its way again, also when the cache of steps is gone.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -15,8 +14,8 @@ from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError, RunStep, Tried
 from flows.image import correct_image
 from flows.request import Request
+from tasks.changes import inputs_changed, leaves_changed
 from tasks.fields import Json
-from tasks.profile.layers import differences
 from tasks.record import Record
 from tasks.registry import STEPS
 from tasks.step import AnyStep, StepType
@@ -65,7 +64,7 @@ def answering(trace: Json) -> RunStep:
 def known_chain(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
     """The chain of an image as far as trace and cache answer it, and what ended it: NotCachedError at the first step
     that has to be done, a failure, or None where there is nothing to do. Nothing is written."""
-    chain = Chain(request, answering(trace), only_asks=True, kernels=kernels)
+    chain = Chain(request, answering(trace), read_only=True, kernels=kernels)
     try:
         correct_image(chain)
     except (NotCachedError, PlanetposeError, OSError) as error:
@@ -98,34 +97,3 @@ def code_changed(kind: StepType[Any, Any, Any], entry: Json) -> bool:
         return kind.code_for(kind.inputs.model_validate(entry["inputs"])) != entry["code"]
     except (ValidationError, RefusedError):  # inputs of another version, or of a plugin that is gone
         return bool(kind.code != entry["code"])
-
-
-def inputs_changed(names: Mapping[str, str], before: Json, after: Json) -> list[str]:
-    """Names of the inputs that differ, of kernels which."""
-    found = []
-    for path, name in names.items():
-        old, new = at(before, path), at(after, path)
-        if old != new:
-            found += kernels_changed(old, new) if name == "kernels" else [name]
-    return found
-
-
-def at(content: Any, path: str) -> Any:
-    """A value of nested tables by its path; None when there is none."""
-    for key in path.split("."):
-        content = content.get(key) if isinstance(content, dict) else None
-    return content
-
-
-def leaves_changed(before: Json, after: Json) -> list[str]:
-    """`path old -> new` of every value that differs."""
-    return [change.in_words(name) for name, change in sorted(differences(before, after).items())]
-
-
-def kernels_changed(before: Any, after: Any) -> list[str]:
-    """Kernels that are new, gone or have other content; their order counts too."""
-    old, new = (dict(cast("list[list[str]]", kernels or [])) for kernels in (before, after))
-    found = [f"kernel {name}" for name in new if name in old and old[name] != new[name]]
-    found += [f"kernel {name} (new)" for name in new if name not in old]
-    found += [f"kernel {name} (gone)" for name in old if name not in new]
-    return found or ["kernels: their order"]

@@ -1,6 +1,7 @@
 """planetpose adjust, check, export, fetch, kernels, photometry, report: the commands on lists and stores"""
 
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -26,28 +27,22 @@ OnlyFaults = Annotated[bool, typer.Option("--quiet", "-q", help="Only products w
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    add_command(app, AdjustOptions, adjust)
+    for name, model in (("adjust", AdjustOptions), ("export", ExportOptions), ("photometry", PhotometryOptions)):
+        add_command(app, model, partial(answer_with_json, name), name)
     add_command(app, CheckOptions, check)
-    add_command(app, ExportOptions, export)
     add_command(app, FetchOptions, fetch)
     add_command(app, KernelsOptions, kernels)
-    add_command(app, PhotometryOptions, photometry)
     add_command(app, ReportOptions, report)
 
 
-def adjust(options: AdjustOptions, json: Json = False) -> None:
-    """See `flows.commands.adjust`."""
-    answer("adjust", options, json)
+def answer_with_json(command: str, options: Options, json: Json = False) -> None:
+    """A command of `flows.commands` that has no other options for the terminal."""
+    answer(command, options, json)
 
 
 def check(options: CheckOptions, json: Json = False, quiet: OnlyFaults = False) -> None:
     """See `flows.commands.check`."""
     answer("check", options, json, quiet and not json)
-
-
-def export(options: ExportOptions, json: Json = False) -> None:
-    """See `flows.commands.export`."""
-    answer("export", options, json)
 
 
 def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) -> None:
@@ -66,11 +61,6 @@ def kernels(options: KernelsOptions, json: Json = False) -> None:
     """See `flows.commands.kernels`."""
     refuse_useless_kernels(options.kernels)
     answer("kernels", options, json)
-
-
-def photometry(options: PhotometryOptions, json: Json = False) -> None:
-    """See `flows.commands.photometry`."""
-    answer("photometry", options, json)
 
 
 def report(options: ReportOptions, quiet: Quiet = False) -> None:

@@ -46,7 +46,7 @@ Server = Annotated[
 ]
 
 
-def add_command(app: typer.Typer, model: type[Options], body: Callable[..., None]) -> None:
+def add_command(app: typer.Typer, model: type[Options], body: Callable[..., None], name: str = "") -> None:
     """Add a command to `app` that is called like `body` and explained by `model`. body: gets the options, a `model`,
     and as keywords what it has beside them."""
     own = list(inspect.signature(body).parameters.values())[1:]
@@ -61,7 +61,7 @@ def add_command(app: typer.Typer, model: type[Options], body: Callable[..., None
 
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     command.__annotations__ = {each.name: each.annotation for each in parameters}
-    app.command(body.__name__, help=model.__doc__)(command)
+    app.command(name or body.__name__, help=model.__doc__)(command)
 
 
 @contextmanager

@@ -23,7 +23,7 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.cli import build_app
 from flows.cli.correct import warn
-from flows.cli.downstream import adjust
+from flows.cli.downstream import answer_with_json
 from flows.one_image import one_result
 from flows.options import AdjustOptions
 from flows.progress import Silent
@@ -232,7 +232,7 @@ def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     correct: Correct, plain_result: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit, match="0"):
-        adjust(AdjustOptions(store=tmp_path / "here/out", out=tmp_path / "adjusted"), json=True)
+        answer_with_json("adjust", AdjustOptions(store=tmp_path / "here/out", out=tmp_path / "adjusted"), json=True)
     report = json.loads(capfd.readouterr().out)
     assert report == json.loads((tmp_path / "adjusted/adjust.json").read_text())
     [image] = report["images"]

@@ -24,10 +24,10 @@ from flows.reprocessing.planning import TRIES, plans_in_words
 from flows.reprocessing.run import begin, planned, sweep
 from flows.request import Request
 from flows.status import status_of
-from flows.trace import inputs_changed, kernels_changed, leaves_changed
 from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from tasks import step as step_module
 from tasks.cache import prune
+from tasks.changes import inputs_changed, kernels_changed, leaves_changed
 from tasks.record import RECORD_FILE
 
 
