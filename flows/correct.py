@@ -10,6 +10,7 @@ from threading import Event
 from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
+from flows.flow import flow_of
 from flows.one_image import Result, one_result, twins
 from flows.options import CorrectOptions
 from flows.places import note_in_index
@@ -27,7 +28,7 @@ class ImagesNotOkError(Exception):
     """Some images failed or were refused; the others are published."""
 
 
-@flow(name="correct", persist_result=False)
+@flow_of(CorrectOptions)
 def correct(options: CorrectOptions) -> State[list[Result]]:
     """Correct every image, some at a time; the flow fails, after all are done, when one is not ok. Raises RefusedError
     when the options are no good."""

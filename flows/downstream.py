@@ -1,25 +1,22 @@
-"""The Prefect flows of the commands on lists and stores, each with the options of the command line as its parameter."""
+"""The Prefect flows of the commands on lists and stores; their parameters are the options of the command line."""
 
 from collections.abc import Callable
-from typing import TypeVar
 
-from prefect import flow, get_run_logger
+from prefect import get_run_logger
 from prefect.states import Completed, Failed, State
 
 from flows import commands
 from flows.commands import Row, Show
+from flows.flow import O, flow_of
 from flows.options import (
     AdjustOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    Options,
     PhotometryOptions,
     ReportOptions,
 )
-
-O = TypeVar("O", bound=Options)  # noqa: E741 - options
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
@@ -38,43 +35,43 @@ def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
     return Failed(message=f"{bad} of {len(good)} not well") if bad else Completed(message="all well")
 
 
-@flow(name="fetch", persist_result=False)
+@flow_of(FetchOptions)
 def fetch(options: FetchOptions) -> State[None]:
     """Get the images, labels, kernels and maps of a list."""
     return state_of(commands.fetch, options)
 
 
-@flow(name="export", persist_result=False)
+@flow_of(ExportOptions)
 def export(options: ExportOptions) -> State[None]:
     """Export products for other tools."""
     return state_of(commands.export, options)
 
 
-@flow(name="report", persist_result=False)
+@flow_of(ReportOptions)
 def report(options: ReportOptions) -> State[None]:
     """Write a store as static HTML."""
     return state_of(commands.report, options)
 
 
-@flow(name="kernels", persist_result=False)
+@flow_of(KernelsOptions)
 def kernels(options: KernelsOptions) -> State[None]:
     """Write corrected SPICE kernels."""
     return state_of(commands.kernels, options)
 
 
-@flow(name="photometry", persist_result=False)
+@flow_of(PhotometryOptions)
 def photometry(options: PhotometryOptions) -> State[None]:
     """Fit a phase function to regions of a store."""
     return state_of(commands.photometry, options)
 
 
-@flow(name="adjust", persist_result=False)
+@flow_of(AdjustOptions)
 def adjust(options: AdjustOptions) -> State[None]:
     """Solve for what the images of a store share."""
     return state_of(commands.adjust, options)
 
 
-@flow(name="check", persist_result=False)
+@flow_of(CheckOptions)
 def check(options: CheckOptions) -> State[None]:
     """Check published products."""
     return state_of(commands.check, options)

@@ -1,4 +1,4 @@
-"""What users choose: one model per command, which is also the parameter of the Prefect flow of the same name.
+"""What users choose: one model per command, whose fields are also the parameters of the Prefect flow of that name.
 
 See `flows.image_options` for what their fields have. Nothing heavy is imported here either.
 """

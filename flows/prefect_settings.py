@@ -7,7 +7,7 @@ import urllib.error
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from flows.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
+from catalog.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
 from flows.reachable import check_reachable, said_when_it_takes_long
 from flows.server import HEALTH_TIMEOUT_S, ensure_server, server_files
 from flows.server_serve import AUTHENTICATION, CLIENT_AUTHENTICATION

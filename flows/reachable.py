@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
-from flows.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
+from catalog.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
 
 ATTEMPT_TIMEOUT_S = 3.0
 PATIENCE_S = 6.0

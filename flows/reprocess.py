@@ -14,7 +14,7 @@ from typing import Any
 from uuid import UUID
 
 import httpx
-from prefect import flow, get_run_logger
+from prefect import get_run_logger
 from prefect.artifacts import (
     create_markdown_artifact,
     create_progress_artifact,
@@ -27,6 +27,7 @@ from prefect.exceptions import PrefectException
 from prefect.futures import PrefectFuture
 from prefect.states import Completed
 
+from flows.flow import flow_of
 from flows.options import ReprocessOptions
 from flows.prefect_settings import server_is_lost
 from flows.progress import audience, logger
@@ -56,7 +57,7 @@ class TooManyFailedError(Exception):
         super().__init__(in_words(summary))
 
 
-@flow(name="reprocess", persist_result=False)
+@flow_of(ReprocessOptions)
 def reprocess(options: ReprocessOptions) -> State[Summary]:
     """Reprocess an image list. Completed with the run's summary; the state `TooManyFailed`, which is a Failed one, when
     more than `most_failed_percent` of the list is refused or failed."""

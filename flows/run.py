@@ -132,10 +132,11 @@ def run_with_prefect(
     with prefect_at_hand(server, reporter, lambda result: ordered.put(next(waiting), result)):
         from flows.correct import correct, correct_requests
 
-        if options is None:
-            state = correct_requests(requests, workers, return_state=True)
-        else:
-            state = correct(options.of(positions, workers), return_state=True)
+        state = (
+            correct_requests(requests, workers, return_state=True)
+            if options is None
+            else correct(**dict(options.of(positions, workers)), return_state=True)
+        )
     if ordered.missing:
         raise RuntimeError(f"the flow ended {state.name}: {state.message}")
 
@@ -166,7 +167,7 @@ def reprocess_with_prefect(options: ReprocessOptions, server: str, reporter: Rep
         from flows.reprocess import reprocess
 
         try:
-            state = reprocess(options, return_state=True)
+            state = reprocess(**dict(options), return_state=True)
         except Exception as error:  # Prefect did not hear how the flow ended; the images are in the store
             if not summaries:
                 raise

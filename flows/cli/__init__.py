@@ -54,7 +54,7 @@ def common(version: Version = False) -> None:
 def main() -> None:
     """Entry point. Exit status: 0 all ok, 1 some image failed or was refused, 2 wrong usage."""
     from catalog.errors import PlanetposeError
-    from flows.loopback import keep_loopback_direct
+    from catalog.loopback import keep_loopback_direct
 
     keep_loopback_direct(os.environ)
     try:
