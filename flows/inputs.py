@@ -1,26 +1,26 @@
-"""What each step of an image is given, from what the user asked for and what the steps before it found."""
+"""What each step of an image is given, from the user's request and what the steps before it found."""
 
 from pathlib import Path
 
 from catalog.camera import Camera
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
+from catalog.input_file import digest_of
+from catalog.names_digest import target_names_digest
 from catalog.pose import Pose
 from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
+from catalog.resumed import pose_to_resume
+from catalog.spice import KernelLists, kernel_inputs
 from catalog.target import known_target
 from flows.chain import Chain, Done
-from flows.guidance import guidance_of, pose_to_resume
+from flows.guidance import guidance_of
 from flows.request import (
-    KernelLists,
     Request,
     basemap_inputs,
     camera_inputs,
-    digest_of,
-    kernel_inputs,
     projected_target,
     target_inputs,
-    target_names_digest,
 )
 from flows.result import profile_origin
 from tasks.code_version import code_version
@@ -137,7 +137,7 @@ def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[Sta
         camera=scene.camera,
         predicted=predicted,
         start_offset_px=request.start_offset_px,
-        resume=pose_to_resume(request),
+        resume=pose_to_resume(request.resume, request.product),
     )
     return inputs, NoFiles()
 

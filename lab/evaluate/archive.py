@@ -17,13 +17,13 @@ from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.image import correct_image
 from flows.one_image import one_result
-from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.evaluate.assess import Assessment, assess, in_sigmas
 from lab.simulate.archive import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
 from tasks.joint.uncertainty import of_the_body, of_the_camera
+from tasks.profile import Profile
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run

@@ -20,6 +20,10 @@ class Change(BaseModel):
     base: Any
     here: Any
 
+    def in_words(self, name: str) -> str:
+        """`name old -> new`."""
+        return f"{name} {_written(self.base)} -> {_written(self.here)}"
+
 
 class Origin(BaseModel):
     """What a user's profile builds on. bases: the profiles below it, names or files, the nearest first; the last one
@@ -81,9 +85,8 @@ def differences(base: Mapping[str, Any], here: Mapping[str, Any], path: tuple[st
 def in_words(name: str, origin: Origin) -> str:
     """One sentence for the user."""
     below = ", which builds on ".join(origin.bases)
-    changes = [f"{key} {_written(c.base)} -> {_written(c.here)}" for key, c in origin.changes.items()]
-    told = "; ".join(changes) if changes else "nothing"
-    return f"profile {name} builds on {below}; of {origin.bases[-1]} it changes {told}."
+    changes = "; ".join(change.in_words(key) for key, change in origin.changes.items()) or "nothing"
+    return f"profile {name} builds on {below}; of {origin.bases[-1]} it changes {changes}."
 
 
 def _written(value: Any) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.spice import kernel_pool
-from flows.boundary import reason_of, trouble_of
+from tasks.boundary import reason_of, trouble_of
 from tasks.kernels.exposure import Exposure, read_exposure
 from tasks.kernels.sets import groups_of, refuse_twins, set_report
 from tasks.kernels.write import write_kernel_set

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
-from flows.boundary import trouble_of
-from flows.result import verdict
+from tasks.boundary import reason_of, status_of, trouble_of
 from tasks.export.settings import ExportSettings
 
 if TYPE_CHECKING:
@@ -52,7 +51,7 @@ def export_products(
         else:
             error = trouble_of(partial(_export, folder, settings, out, result, items), result.product)
         if error is not None:
-            result.status, result.reason = error_of(error)
+            result.status, result.reason = status_of(error), reason_of(error)
         results.append(result)
         tell(result)
     if items:
@@ -60,12 +59,6 @@ def export_products(
 
         write_stac(items, out / STAC_FOLDER, "planetpose")
     return results
-
-
-def error_of(error: Exception) -> tuple[str, str]:
-    """Status and reason."""
-    told = verdict(error, [])
-    return str(told["status"]), str(told["reason"])
 
 
 def _export(folder: Path, settings: ExportSettings, out: Path, result: Exported, items: "list[pystac.Item]") -> None:

@@ -1,4 +1,4 @@
-"""Clean-up: what killed processes left, and what the cache of steps need not keep."""
+"""The cache of steps as a whole: what is in it, what killed processes left there, and what it need not keep."""
 
 import shutil
 import time
@@ -7,33 +7,24 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from flows.diagnosis import FAILED
-from flows.reprocessing.claims import sweep_claims
-from flows.reprocessing.outcomes import IMAGES
-from flows.reprocessing.settings import BOOKS
-from flows.reprocessing.tally import RUNS
 from tasks.atomic import sweep_temporaries
+from tasks.code_version import SOURCES_FOLDER
 from tasks.record import RECORD_FILE, size_bytes
 from tasks.registry import STEP_NAMES
 
 IN_USE_S = 6 * 3600.0  # steps younger than this may belong to an image at work somewhere
 
 
-def sweep(store: Path, cache: Path) -> None:
-    """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
-    books = store / BOOKS
-    for folder in (store, store / FAILED, books, books / IMAGES, books / RUNS):
-        if folder.is_dir():
-            sweep_temporaries(folder)
-    sweep_claims(store)
-    sweep_cache(cache)
-
-
 def sweep_cache(cache: Path) -> None:
-    """The same in a cache alone."""
+    """Delete the temporaries of dead processes."""
     sweep_temporaries(cache)
     for folder in key_folders(cache):
         sweep_temporaries(folder)
+
+
+def step_folders(cache: Path) -> list[Path]:
+    """The folders of steps, and of what is known of their code; nothing else in there is touched."""
+    return [cache / kind for kind in (*STEP_NAMES, SOURCES_FOLDER) if (cache / kind).is_dir()]
 
 
 def key_folders(cache: Path) -> Iterator[Path]:

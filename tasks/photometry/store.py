@@ -7,7 +7,7 @@ from pathlib import Path
 
 from catalog.errors import PlanetposeError
 from catalog.plain_text import printable
-from flows.boundary import reason_of, trouble_of
+from tasks.boundary import reason_of, trouble_of
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import limb_weights
 from tasks.photometry.fit import fit_law

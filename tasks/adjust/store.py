@@ -6,11 +6,11 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
-from flows.boundary import reason_of, trouble_of
 from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.files import measurement_in, write_adjustment
 from tasks.adjust.measurement import Measurement
 from tasks.adjust.report import adjusted_poses, report_of
+from tasks.boundary import reason_of, trouble_of
 from tasks.publish.check import products_in
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.times import now_utc
-from flows.boundary import reason_of, trouble_of
+from tasks.boundary import reason_of, trouble_of
 from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE

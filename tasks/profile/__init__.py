@@ -11,14 +11,14 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
 from catalog.plain_text import shown_path
-from flows.defaults import DEFAULT_PROFILE
-from flows.profile_layers import Content, Origin, differences, merged, with_later_completed, with_nothing
+from catalog.settings import DEFAULT_PROFILE
 from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
 from tasks.point import PointSettings
+from tasks.profile.layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.range import RangeSettings
 from tasks.registry import CORRECTIONS
 from tasks.roll import RollSettings
