@@ -78,6 +78,9 @@ class Camera(BaseModel):
     label_names: tuple[str, ...] = ()
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs
     sources: tuple[str, ...] = ()
+    # Of a camera whose pixels are summed: how many make one along each side, and the camera as it is without.
+    summing: int = Field(default=1, ge=1)
+    unsummed: "Camera | None" = None
 
     @model_validator(mode="before")
     @classmethod
@@ -104,6 +107,30 @@ class Camera(BaseModel):
     def detector_size_px(self) -> tuple[int, int]:
         """Size (nx, ny) of the raw frame; the undistorted one's unless the camera says otherwise."""
         return self.raw_size_px or self.size_px
+
+    def summed(self, summing: int) -> "Camera":
+        """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
+
+        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays that of `unsummed`."""
+        if summing == 1:
+            return self
+
+        def smaller(size: tuple[int, int] | None) -> tuple[int, int] | None:
+            return None if size is None else (size[0] // summing, size[1] // summing)
+
+        x, y = ((place + 0.5) / summing - 0.5 for place in self.centre_px)
+        changes = {
+            "size_px": smaller(self.size_px),
+            "raw_size_px": smaller(self.raw_size_px),
+            "centre_px": (x, y),
+            "focal_length_px": self.focal_length_px / summing,
+            "pixel_pitch_mm": None if self.pixel_pitch_mm is None else self.pixel_pitch_mm * summing,
+            "psf_sigma_px": self.psf_sigma_px / summing,
+            "valid_window": None,
+            "summing": summing,
+            "unsummed": self,
+        }
+        return self.model_copy(update=changes)
 
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of camera-frame vectors (..., 3). A vector behind the camera (Z <= 0) gives NaN."""

@@ -31,7 +31,7 @@ class Filling:
     values: tuple[float, ...] = ()
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def sentences(self) -> tuple[str, ...]:
         """A sentence for people, none where nothing is filled."""
         count = int(np.count_nonzero(self.mask))
         if not count:
