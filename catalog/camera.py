@@ -111,7 +111,7 @@ class Camera(BaseModel):
     def summed(self, summing: int) -> "Camera":
         """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
 
-        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays that of `unsummed`."""
+        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays `unsummed`'s."""
         if summing == 1:
             return self
 

@@ -26,6 +26,11 @@ class ImageMode:
         """Whether the file holds every pixel of the detector."""
         return self.summing == 1 and self.window is None
 
+    @property
+    def shape(self) -> tuple[int, int] | None:
+        """Lines and samples of the file's picture; None where it is the whole frame."""
+        return None if self.window is None else (self.window[3] // self.summing, self.window[2] // self.summing)
+
     def __str__(self) -> str:
         parts = [f"{self.summing}x{self.summing} summed"] if self.summing > 1 else []
         if self.window is not None:

@@ -12,10 +12,12 @@ from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
+from catalog.image_mode import Window
 from catalog.mask import MAX_MASK_BYTES
 from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
 from catalog.readers.reading import MAX_FILE_BYTES
+from catalog.readers.stated_mode import MAX_SUMMING
 from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
@@ -52,12 +54,13 @@ def _name_of_file(known: dict[str, Any]) -> str:
 class Request(BaseModel):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
     target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog, a
-    basemap "none" takes none. shape:
-    model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
-    environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
-    what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
-    not used. resume: an earlier result to start from, see `flows.guidance`. flip: how the picture is flipped before
-    anything else. publish_to: URL of an object store that the product is copied to from `store`."""
+    basemap "none" takes none. shape: model that the cube's planes are projected on. kernels: files, folders or meta-
+    kernels; None takes those of the environment. profile: its settings, or its name or file; settings build on the
+    default profile as a file's do, and what it holds stays. start_offset_px: added to the predicted centre
+    beforehand. mask: file whose non-zero pixels are not used. resume: an earlier result to start from, see
+    `flows.guidance`. flip: how the picture is flipped before anything else. plane, summing, window: of the image,
+    see `tasks.image_file.ImageInputs`. publish_to: URL of an object store that the product is copied to from
+    `store`."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     image: Path
@@ -74,6 +77,9 @@ class Request(BaseModel):
     start_offset_px: tuple[FiniteFloat, FiniteFloat] | None = None
     mask: Path | None = None
     flip: Flip | None = None
+    plane: str | None = None
+    summing: int | None = Field(None, ge=1, le=MAX_SUMMING)
+    window: Window | None = None
     resume: Path | None = None
     cache: Path = Field(default_factory=cache_folder)
     publish_to: str | None = None

@@ -99,8 +99,8 @@ def _read(path: Path, head: bytes, plane: str | None) -> Reading:
         raise RefusedError(
             "image-format-unknown",
             f"image {path}: {_description(head)}.",
-            "VICAR, compressed Voyager .imq, FITS, ISIS cubes, PDS3 and PDS4 (keep label and image in one folder, under "
-            "the names that the label gives), PNG, TIFF, JPEG, NPY, and any of them in .gz or .bz2, are read.",
+            "VICAR, compressed Voyager .imq, FITS, ISIS cubes, PDS3 and PDS4 (keep label and image in one folder, "
+            "under the names that the label gives), PNG, TIFF, JPEG, NPY, and any of them in .gz or .bz2, are read.",
         )
     try:
         return completed(reader.read(path, plane), path)

@@ -183,8 +183,8 @@ def _saturation(reading: Reading, camera: Camera | None) -> float | None:
 def _noise(
     reading: Reading, camera: Camera | None, image: NDArray[np.float32], quality: NDArray[np.uint16]
 ) -> NDArray[np.float32]:
-    """The file's own noise; else the camera's model for its raw data numbers; else, and where pixels are summed, measured
-    from the image."""
+    """The file's own noise; else the camera's model for its raw data numbers; else, and where pixels are summed,
+    measured from the image."""
     modelled = camera is not None and camera.summing == 1 and "noise" in camera.model_fields_set
     if reading.noise is None and reading.raw_dn and camera is not None and modelled:
         return modelled_noise(image, camera.noise)

@@ -16,11 +16,11 @@ from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
 from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
-from catalog.readers.keywords import facts_of_keywords, flat, isis_keyword, mid_time, plain_values
+from catalog.readers.keywords import USUAL_START, Start, facts_of_keywords, flat, isis_keyword, mid_time, plain_values
 from catalog.readers.label_values import items, number, plain_label
-from catalog.readers.raw_array import RawArray, check_end, read_band
+from catalog.readers.raw_array import RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
-from catalog.readers.stated_mode import mode_of_alpha_cube
+from catalog.readers.stated_mode import UNSTATED, mode_of_alpha_cube, scaled
 from catalog.regular_file import open_regular
 
 KINDS = {
@@ -36,6 +36,9 @@ MISSING_BITS = {
     "f8": (0xFFEFFFFFFFFFFFFB, 0xFFEFFFFFFFFFFFFC, 0xFFEFFFFFFFFFFFFD),
 }
 SATURATED_BITS = {"f4": (0xFF7FFFFE, 0xFF7FFFFF), "f8": (0xFFEFFFFFFFFFFFFE, 0xFFEFFFFFFFFFFFFF)}
+# What StartTime is of where it is not the start, and seconds to add: Galileo's is the middle, Voyager's the read-out,
+# 2 s after the end (gllssi2isis, ALE's Voyager driver).
+STARTS: dict[str, Start] = {"GALILEO": ("middle", 0.0), "VOYAGER": ("end", -2.0)}
 GROUPS = ("Instrument", "Archive", "BandBin")
 FOR_PROJECTED = "Give the cube in the camera's own geometry (level 1), not a map made of it."
 
@@ -56,6 +59,7 @@ class IsisReader:
         if "Mapping" in cube:
             raise RefusedError("image-projected", f"image {path}: it is a map projection.", FOR_PROJECTED)
         array, kind, file = _array(path, core)
+        check_array(file, array)
         pixels_group = _object(path, core, "Pixels")
         base, multiplier = (
             _number(path, pixels_group, key, usual) for key, usual in (("Base", 0.0), ("Multiplier", 1.0))
@@ -67,23 +71,31 @@ class IsisReader:
         quality = special_pixels(stored, kind)
         is_plain = (base, multiplier) == (0.0, 1.0)
         pixels = stored if is_plain else _scaled(stored, base, multiplier, quality)
-        groups = [cube[group] for group in GROUPS if hasattr(cube.get(group), "items")]
-        known = {isis_keyword(key): value for key, value in flat(groups).items()}
-        facts = facts_of_keywords(known)
-        facts |= _mid_exposure(known, facts)
-        alpha = cube.get("AlphaCube")
-        if hasattr(alpha, "items"):
-            facts["stated"] = mode_of_alpha_cube(alpha, stored.shape)
-            facts["sources"] |= {"mode": facts["stated"].source} if facts["stated"].source else {}
         return Reading(
             format="isis3",
             image=pixels,
             quality=quality,
             raw_dn=stored.dtype.kind in "iu" and multiplier == 1.0,
-            label=plain_label(plain_values(known)),
             flags_from="ISIS' special pixels",
-            **facts,
+            **facts_of_cube(cube, (array.lines, array.samples)),
         )
+
+
+def facts_of_cube(cube: Mapping[str, Any], shape: tuple[int, int]) -> dict[str, Any]:
+    """Arguments of `Reading` that the object IsisCube of a cube of `shape` (lines, samples) gives."""
+    groups = [cube[group] for group in GROUPS if hasattr(cube.get(group), "items")]
+    known = {isis_keyword(key): value for key, value in flat(groups).items()}
+    host = str(known.get("SPACECRAFT_NAME", "")).upper()
+    start = next((meaning for name, meaning in STARTS.items() if host.startswith(name)), USUAL_START)
+    facts = {**facts_of_keywords(known, start), "label": plain_label(plain_values(known))}
+    facts |= _mid_exposure(known, facts)
+    alpha = cube.get("AlphaCube")
+    stated = UNSTATED if alpha is None or not hasattr(alpha, "items") else mode_of_alpha_cube(alpha, shape)
+    if stated.summing is None:
+        return facts
+    inner = facts["stated"].summing or 1  # of the frame that the cube was cut from, which AlphaCube counts in
+    stated = scaled(stated, inner)
+    return {**facts, "stated": stated, "sources": {**facts["sources"], "mode": stated.source}}
 
 
 def special_pixels(stored: NDArray[Any], kind: str) -> NDArray[np.uint16]:
@@ -110,7 +122,7 @@ def _label(path: Path) -> Mapping[str, Any]:
     with open_regular(path) as file:
         raw = file.read(MAX_LABEL_BYTES)
     try:
-        return load_pvl(raw.partition(b"\0")[0].decode("latin-1"))  # type: ignore[no-any-return]
+        return load_pvl(raw.partition(b"\0")[0].decode("latin-1"))
     except ValueError as error:
         raise unreadable(path, str(error)) from error
 
@@ -172,7 +184,8 @@ def _end_of_objects(label: Mapping[str, Any]) -> int:
 def _band_names(cube: Mapping[str, Any], bands: int) -> list[str]:
     group = cube.get("BandBin")
     for key in ("FilterName", "Name", "Filter"):
-        names = [str(name) for name in items(group.get(key))] if hasattr(group, "items") else []
+        has_group = group is not None and hasattr(group, "items")
+        names = [str(name) for name in items(group.get(key))] if group is not None and has_group else []
         if len(names) == bands:
             return names
     return [""] * bands

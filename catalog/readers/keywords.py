@@ -1,7 +1,7 @@
 """What keywords say of an image, whichever label carries them: VICAR, PDS3, ISIS (its names in PDS's spelling).
 
-One road for all: time from IMAGE_MID_TIME, START_TIME, STOP_TIME and IMAGE_TIME, which have to agree with each other and
-with the exposure; the target; filter, gain, summing, window. Each value is noted with the keyword it came from.
+One road for all: time from IMAGE_MID_TIME, START_TIME, STOP_TIME and IMAGE_TIME, which have to agree with each other
+and with the exposure; the target; filter, gain, summing, window. Each value is noted with the keyword it came from.
 """
 
 import re
@@ -22,7 +22,8 @@ PLACES: dict[str, Place] = {
     "STOP_TIME": "end",
     "IMAGE_TIME": "near",
 }
-STARTS_ARE_MIDDLES = ("GALILEO",)  # gllssi2isis takes the label's time, which is the middle, for StartTime
+Start = tuple[Place, float]
+USUAL_START: Start = ("start", 0.0)
 DURATIONS = ("EXPOSURE_DURATION", "EXPOSURE_TIME")
 UNITS_S = {
     "S": 1.0, "SEC": 1.0, "SECOND": 1.0, "SECONDS": 1.0, "MS": 1e-3, "MSEC": 1e-3, "MILLISEC": 1e-3,
@@ -34,11 +35,16 @@ GAINS = ("GAIN_MODE_ID", "GAIN_MODE", "GAIN_STATE", "SENSOR_ANALOG_GAIN", "GAIN_
 TARGETS = ("TARGET_NAME", "TARGET", "TARGET_LIST")
 
 
-def facts_of_keywords(label: Mapping[str, Any]) -> dict[str, Any]:
+def facts_of_keywords(label: Mapping[str, Any], start: Start = USUAL_START) -> dict[str, Any]:
     """Arguments of `Reading` that a flat label gives: names of the instrument, targets, time, exposure, filter, gain,
-    mode, and where each came from. Quantities of pvl are understood with their units."""
+    mode, and where each came from. Quantities of pvl are understood with their units. start: what START_TIME is of, and
+    seconds to add to it."""
     names = instrument_names(label)
-    times = [stated for key, place in PLACES.items() for stated in _claims(label, key, place, names)]
+    times = [
+        stated
+        for key, place in PLACES.items()
+        for stated in _claims(label, key, start if key == "START_TIME" else (place, 0.0))
+    ]
     duration_key = next((key for key in DURATIONS if _plain_number(label.get(key)) is not None), None)
     exposure_s = None if duration_key is None else _seconds(label[duration_key], times)
     time = exposure_time(times, {duration_key: exposure_s} if duration_key else {})
@@ -73,11 +79,12 @@ def isis_keyword(name: str) -> str:
 
 def time_text(value: Any) -> str | None:
     """A label's time as ISO text, whatever pvl has made of it; text after it in brackets does not count."""
+    value = _bare(value)
     if isinstance(value, datetime):
         return (value.astimezone(UTC) if value.tzinfo else value).replace(tzinfo=None).isoformat()
     if isinstance(value, date):
         return value.isoformat()
-    return text({"time": _bare(value)}, "time")
+    return text({"time": value}, "time")
 
 
 def flat(objects: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -105,9 +112,9 @@ def _shown(value: Any) -> Any:
     return value
 
 
-def _claims(label: Mapping[str, Any], key: str, place: Place, names: tuple[str, ...]) -> list[TimeClaim]:
-    is_middle = key == "START_TIME" and any(name.startswith(STARTS_ARE_MIDDLES) for name in names)
-    return claim(key, time_text(label.get(key)), "middle" if is_middle and "STOP_TIME" not in label else place)
+def _claims(label: Mapping[str, Any], key: str, meaning: Start) -> list[TimeClaim]:
+    place, later_s = meaning
+    return claim(key, time_text(label.get(key)), place, later_s=later_s)
 
 
 def _seconds(value: Any, times: list[TimeClaim]) -> float | None:

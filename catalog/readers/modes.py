@@ -21,7 +21,7 @@ BY_SIZE = "the frame's size"
 
 
 def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | None, reminder: str) -> ImageMode:
-    """The mode of a picture of `camera`. given: the user's. Raises RefusedError where it is not known, or impossible."""
+    """The mode of a picture of `camera`. given: the user's. Raises RefusedError where it is unknown or impossible."""
     lines, samples = reading.image.shape
     size, full, stated = (samples, lines), camera.detector_size_px, reading.stated
     if given is not None:
@@ -41,7 +41,7 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
         window = (*stated.first, samples * summing, lines * summing)
         return _checked(path, ImageMode(summing, window, stated.source), size, full)
     for summing in (stated.summing,) if stated.summing else (1, 2, 4):
-        if samples == full[0] // summing and lines < full[1] // summing and lines >= full[1] // summing // 10:
+        if samples == full[0] // summing and lines < full[1] // summing:
             return ImageMode(summing, (0, 0, samples * summing, lines * summing), BY_SIZE)
     allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((full, camera.size_px)))
     raise RefusedError(

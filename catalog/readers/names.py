@@ -51,8 +51,8 @@ def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def camera_of_names(names: Iterable[str]) -> str | None:
-    """The catalog camera one of whose `label_names` is among `names` (in any case; runs of blanks and underscores count as
-    one)."""
+    """The catalog camera one of whose `label_names` is among `names`, in any case; runs of blanks, hyphens and
+    underscores count as one blank."""
     found = {_normal(name) for name in names}
     for camera in known_cameras().values():
         if found & {_normal(name) for name in camera.label_names}:
@@ -61,7 +61,7 @@ def camera_of_names(names: Iterable[str]) -> str | None:
 
 
 def _normal(name: str) -> str:
-    return re.sub(r"[\s_]+", " ", name.strip().upper())
+    return re.sub(r"[\s_-]+", " ", name.strip().upper())
 
 
 def target_of_label(name: Any) -> str | None:
@@ -82,9 +82,12 @@ def _planet_of_rings(name: str) -> str:
 
 
 def targets_of_label(value: Any) -> tuple[str, ...]:
-    """Catalog names of all targets that a label's value names: a word, a sequence, a set, or words with commas."""
+    """Catalog names of all targets that a label's value names: a word, a sequence, a set, or words with commas. A
+    planet's rings mean the planet where nothing else is named."""
     parts = [part for item in items(value) for part in ([item] if _is_one_name(item) else re.split(r"[,;]", str(item)))]
-    named = (target_of_label(str(part).strip(" ()'\"{}") if part is not None else None) for part in parts)
+    words = [str(part).strip(" ()'\"{}") for part in parts if part is not None]
+    bodies = [word for word in words if not RINGS.fullmatch(word.lower()) and target_of_label(word) is not None]
+    named = (target_of_label(word) for word in bodies or words)
     return tuple(dict.fromkeys(name for name in named if name is not None))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from catalog.errors import RefusedError
 from catalog.readers.bands import chosen_plane
-from catalog.readers.raw_array import check_end
+from catalog.readers.raw_array import MAX_BANDS, check_end
 from catalog.readers.reading import Reading, bytes_at, checked_shape, unreadable
 
 MAGIC = b"\x93NUMPY"
@@ -33,6 +33,8 @@ class NpyReader:
             raise RefusedError("image-not-2d", fault, "Save one picture (lines, samples).")
         planes = shape[0] if len(shape) == 3 else 1
         lines, samples = checked_shape(path, *shape[-2:])
+        if planes > MAX_BANDS:
+            raise unreadable(path, f"its array has {planes} planes")
         number = chosen_plane(path, [""] * planes, plane)
         size = lines * samples * dtype.itemsize
         check_end(path, offset + planes * size)

@@ -16,6 +16,8 @@ from catalog.regular_file import open_regular
 
 GZIP, BZIP2 = b"\x1f\x8b", b"BZh"
 MAX_UNPACKED_BYTES = 300_000_000
+SMALL_BYTES, MAX_RATIO = 50_000_000, 200
+"""No image of more than 50 MB is packed to a 200th: its noise alone takes more (zeros pack to a 1000th)."""
 CHUNK_BYTES = 1 << 20
 TOO_LARGE = "Unpack it, and give a single frame."
 
@@ -48,6 +50,7 @@ def unpacked(path: Path) -> Iterator[Path]:
 
 def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
     """Every member of the file, until something else follows."""
+    most = min(MAX_UNPACKED_BYTES, max(SMALL_BYTES, MAX_RATIO * path.stat().st_size))
     content, written = packed.read(CHUNK_BYTES), 0
     while is_packed(content):
         member: Any = zlib.decompressobj(31) if content.startswith(GZIP) else bz2.BZ2Decompressor()
@@ -55,8 +58,8 @@ def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
             while not member.eof:
                 part = member.decompress(content, CHUNK_BYTES)
                 written += len(part)
-                if written > MAX_UNPACKED_BYTES:
-                    fault = f"image {path}: unpacked it has more than {MAX_UNPACKED_BYTES} bytes."
+                if written > most:
+                    fault = f"image {path}: unpacked it has more than {most} bytes."
                     raise RefusedError("image-too-large", fault, TOO_LARGE)
                 plain.write(part)
                 content = _rest(member)

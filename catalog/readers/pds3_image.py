@@ -24,7 +24,7 @@ from catalog.readers.gaps import zero_filled
 from catalog.readers.isis import special_pixels
 from catalog.readers.keywords import facts_of_keywords, flat, plain_values
 from catalog.readers.label_values import items, number, plain_label
-from catalog.readers.raw_array import Order, RawArray, check_end, read_band
+from catalog.readers.raw_array import MAX_BANDS, Order, RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
 from catalog.regular_file import open_regular
 
@@ -67,6 +67,7 @@ class Pds3Reader:
         image = _image(path, label, label_file)
         if not attached and image.file != path:
             raise unreadable(path, f"its label {label_file.name} describes {image.file.name}")
+        check_array(image.file, image.array)
         band = chosen_plane(path, image.names, plane)
         records = number(label, "FILE_RECORDS")
         known = None if records is None else int(records * image.record_bytes)
@@ -111,7 +112,7 @@ def parsed_label(path: Path, label_file: Path) -> Mapping[str, Any]:
     if end is None:
         raise unreadable(path, f"the PDS3 label in {label_file.name} has no END")
     try:
-        return load_pvl(text[: end.end()])  # type: ignore[no-any-return]
+        return load_pvl(text[: end.end()])
     except ValueError as error:
         raise unreadable(path, str(error)) from error
 
@@ -268,7 +269,7 @@ def _names(label: Mapping[str, Any], keywords: Mapping[str, Any], bands: int) ->
             names = [str(name) for name in items(where.get(key))] if hasattr(where, "get") else []
             if bands > 1 and len(names) == bands:
                 return names
-    return [""] * bands
+    return [""] * min(bands, MAX_BANDS + 1)
 
 
 def _quality(image: _Image, stored: NDArray[Any]) -> NDArray[np.uint16]:

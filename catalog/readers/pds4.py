@@ -1,4 +1,4 @@
-"""PDS4 images: an XML label with arrays (PDS4 Information Model, class Array and its subclasses) and the file beside it.
+"""PDS4 images: an XML label with arrays (PDS4 Information Model, class Array and its kinds) and the file beside it.
 
 Read are Array_2D_Image and Array_3D_Image of whole numbers and reals, with their scaling and special constants. The
 label's file is looked for in the label's folder only; labels with a document type or entities are refused.
@@ -7,6 +7,7 @@ label's file is looked for in the label's folder only; labels with a document ty
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -22,7 +23,7 @@ from catalog.readers.exposure_time import claim, exposure_time
 from catalog.readers.label_values import number, plain_label
 from catalog.readers.names import targets_of_label
 from catalog.readers.pds3_image import special_value
-from catalog.readers.raw_array import Order, RawArray, check_end, read_band
+from catalog.readers.raw_array import Order, RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
 from catalog.readers.stated_mode import stated_mode
 from catalog.regular_file import read_regular
@@ -56,6 +57,8 @@ class Pds4Reader:
         file, arrays = arrays_of(path, root, label_file)
         if not arrays:
             raise unreadable(path, f"the label {label_file.name} describes no image", "Give an image with its label.")
+        for each in arrays:
+            check_array(file, each.raw)
         planes = [(array, band) for array in arrays for band in range(array.raw.bands)]
         several = len(planes) > 1
         names = [
@@ -98,17 +101,14 @@ def parsed_xml(path: Path, label_file: Path) -> ElementTree.Element:
         raise unreadable(path, f"the label {label_file.name} has a document type", "Give a plain PDS4 label.")
     depth = count = 0
     root: ElementTree.Element | None = None
-    parser = ElementTree.XMLPullParser(("start", "end"))
     try:
-        parser.feed(content)
-        for event, element in parser.read_events():
+        for event, element in ElementTree.iterparse(BytesIO(content), ("start", "end")):
             depth += 1 if event == "start" else -1
             count += event == "start"
             if depth > MAX_DEPTH or count > MAX_ELEMENTS:
                 raise unreadable(path, f"the label {label_file.name} has too many elements")
             root = element if root is None else root
             element.tag = str(element.tag).rpartition("}")[2]
-        parser.close()
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise unreadable(path, f"the label {label_file.name} is no sound XML ({error})") from error
     if root is None or not root.tag.startswith("Product_"):
@@ -129,7 +129,7 @@ def arrays_of(path: Path, root: ElementTree.Element, label_file: Path) -> tuple[
 
 
 def facts_of_xml(root: ElementTree.Element) -> dict[str, Any]:
-    """Arguments of `Reading` that a label gives: instrument, targets, time, exposure, filter, and where each came from."""
+    """Arguments of `Reading` that a label gives: instrument, targets, time, exposure, filter, where each came from."""
     parts = [(_text(each, "type") or "", _text(each, "name") or "") for each in root.iter("Observing_System_Component")]
     hosts, instruments = (
         [name for kind, name in parts if kind.lower() in kinds]
@@ -214,7 +214,7 @@ def _array(path: Path, element: ElementTree.Element) -> Pds4Array:
     if len(sizes) not in (2, 3) or (_text(element, "axis_index_order") or "").lower() == "first index fastest":
         raise unreadable(path, f"its PDS4 label gives an array of axes {labels}", "Give an image of two or three axes.")
     band = next((place for place, name in enumerate(labels) if name.startswith("band")), 0) if len(sizes) == 3 else None
-    order: Order = "band" if band is None else ("band", "line", "sample")[band]  # type: ignore[assignment]
+    order: Order = "band" if band is None else ("band", "line", "sample")[band]
     lines, samples = (size for place, size in enumerate(sizes) if place != band)
     offset, factor = (number({"value": element.findtext(f"Element_Array/{key}")}, "value") for key in
                       ("value_offset", "scaling_factor"))  # fmt: skip

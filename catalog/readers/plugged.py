@@ -31,7 +31,8 @@ class PluggedReader:
             return False
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
-        """The file as the plugin reads it, which chooses the plane. Raises RefusedError when the plugin fails, or gives no picture."""
+        """The file as the plugin reads it, which chooses the plane. Raises RefusedError when the plugin fails,
+        or gives no picture."""
         with self.plugin.guarded(f"cannot read image {path}"):
             reading = self.reader.read(path)
             if not isinstance(reading, Reading):

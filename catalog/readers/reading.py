@@ -72,7 +72,8 @@ class Reader(Protocol):
         """Whether the file's first bytes are of this format; its name does not count."""
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
-        """Read the whole file. plane: number (from 1) or name of the one that is meant, of several. Raises RefusedError naming the file, the fault and the remedy."""
+        """Read the whole file. plane: number (from 1) or name of the one that is meant, of several. Raises
+        RefusedError naming the file, the fault and the remedy."""
 
 
 def unreadable(path: Path, fault: str, remedy: str = "Fetch the file again from its archive.") -> RefusedError:

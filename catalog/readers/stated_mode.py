@@ -10,8 +10,8 @@ from catalog.image_mode import Window
 from catalog.readers.label_values import items, number
 
 SUMMINGS = (
-    "SUMMING", "BINNING", "SUMMING_MODE", "BINNING_MODE", "MACROPIXEL_SIZE", "PIXEL_AVERAGING_WIDTH", "XBINNING", "XBIN",
-    "CCDSUM", "PIXEL_AVERAGING",
+    "SUMMING", "BINNING", "SUMMING_MODE", "BINNING_MODE", "MACROPIXEL_SIZE", "PIXEL_AVERAGING_WIDTH", "XBINNING",
+    "XBIN", "CCDSUM", "PIXEL_AVERAGING",
 )  # fmt: skip
 MODE_WORD = re.compile(r"\b(?:SUM|BIN)_?(\d{1,2})\b")  # SUM2 and SUM4 of Cassini
 SQUARE = re.compile(r"^\s*(\d{1,2})\s*[xX]\s*\1\s*$")
@@ -70,6 +70,23 @@ def mode_of_alpha_cube(alpha: Mapping[str, Any], shape: tuple[int, int]) -> Stat
     return StatedMode(summing, None if is_whole else window, None, detector, "the group AlphaCube")
 
 
+def scaled(stated: StatedMode, summing: int) -> StatedMode:
+    """A mode that counts in pixels which are sums themselves, in detector pixels."""
+    if summing == 1:
+        return stated
+
+    def larger(numbers: Any) -> Any:
+        return None if numbers is None else tuple(number * summing for number in numbers)
+
+    return StatedMode(
+        (stated.summing or 1) * summing,
+        larger(stated.window),
+        larger(stated.first),
+        larger(stated.detector),
+        stated.source,
+    )
+
+
 def mode_of_fits_header(header: Mapping[str, Any]) -> StatedMode:
     """Binning keywords, or IRAF's LTM and LTV, which give each image pixel's place on the detector."""
     summing, keyword = _summing(header)
@@ -96,6 +113,10 @@ def _summing(label: Mapping[str, Any]) -> tuple[int | None, str]:
     for key in TELEMETRY:
         if str(label.get(key) or "").strip().upper() in HALF_SIZE_TELEMETRY:
             return 2, key
+    if number(label, "FPU_BINNING_MODE") is not None:  # MESSENGER: on the detector, and afterwards
+        on_chip = 2 if number(label, "FPU_BINNING_MODE") == 1 else 1
+        later = int(number(label, "PIXEL_BINNING_MODE") or 0) or 1
+        return _sane(on_chip * later), "FPU_BINNING_MODE and PIXEL_BINNING_MODE"
     for key in SUMMINGS:
         value = label.get(key)
         if isinstance(value, str):

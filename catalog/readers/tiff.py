@@ -1,8 +1,9 @@
 """Reader of TIFF pictures of every depth and layout, by GDAL: Pillow wraps 32-bit numbers and inverts.
 
 The numbers are the file's: 1 to 64 bits, signed, unsigned or floating, whatever byte order, compression, strips or
-tiles. Red, green and blue become grey, with a remark; of other bands one has to be named. Where the file says that zero is white, brightness is the largest number minus the file's. Pixels of strips that
-were never written, and of GDAL's no-data value, are MISSING.
+tiles. Red, green and blue become grey, with a remark; of other bands one has to be named. Where the file says that zero
+is white, brightness is the largest number minus the file's. Pixels of strips that were never written, and of GDAL's no-
+data value, are MISSING.
 """
 
 import struct

@@ -49,7 +49,8 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
     flight, pds = flight_label(label), detached_label(path)
     exposure_s = _exposure_s(flight)
     undistorted = pixels.shape == OBJECT_SPACE
-    targets, remarks = _targets(flight, pds)
+    targets, target_source, remarks = _targets(flight, pds)
+    sources = {"camera": "the flight label", "target": target_source, "exposure_s": "EXP", "filter": "FILT"}
     return Reading(
         format="voyager-vicar",
         image=pixels,
@@ -63,26 +64,28 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
         undistorted=undistorted or None,
         gain=_word(GAIN, flight) or text(pds, "GAIN_MODE_ID"),
         remarks=remarks,
-        sources={"camera": "the flight label", "target": "the labels", "exposure_s": "EXP", "filter": "FILT"},
+        sources={what: source for what, source in sources.items() if source},
         label=plain_label({**pds, **label, "PICNO": _word(PICNO, flight), "FDS": _word(FDS, flight)}),
     )
 
 
-def _targets(flight: str, pds: dict[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The label's target, else the planet whose letter the picture number has; and what the two contradict."""
-    stated = targets_of_label(pds.get("TARGET_NAME")) or targets_of_label(_word(TARGET, flight))
-    picture, letter = _word(PICNO, flight), PICNO_PLANET.search(flight)
+def _targets(flight: str, pds: dict[str, Any]) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
+    """Targets, where they came from, and what contradicts them.
+
+    Where no label says anything of a target, it is the planet whose letter the picture number has; a label that says
+    that it has none is taken at its word."""
+    said, keyword = pds.get("TARGET_NAME"), "TARGET_NAME"
+    if not targets_of_label(said) and _word(TARGET, flight):
+        said, keyword = _word(TARGET, flight), "the flight label"
+    stated, picture, letter = targets_of_label(said), _word(PICNO, flight), PICNO_PLANET.search(flight)
     if letter is None:
-        return stated, ()
+        return stated, keyword if stated else "", ()
     planet = PLANET_LETTERS[letter.group(1).lower()]
-    if not stated:
-        remark = (
-            f"the label names no target; picture {picture} is of the system of {planet}, which is taken: see --target"
-        )
-        return (planet,), (remark,)
+    if said is None and keyword not in pds:
+        return (planet,), f"the planet's letter in PICNO {picture}", ()
     others = [name for name in stated if name in PLANET_LETTERS.values() and name != planet]
     remarks = [f"the label says target {name}, its picture number {picture} says {planet}" for name in others]
-    return stated, tuple(remarks)
+    return stated, keyword if stated else "", tuple(remarks)
 
 
 def _word(pattern: re.Pattern[str], flight: str) -> str | None:

@@ -58,6 +58,13 @@ def correct(
         Text,
         typer.Option(metavar="HOW", help="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."),
     ] = None,
+    plane: Annotated[Text, typer.Option(help="Of a file with several planes: its number, from 1, or name.")] = None,
+    summing: Annotated[
+        int | None, typer.Option(min=1, max=32, help="Detector pixels along a side of an image pixel.")
+    ] = None,
+    window: Annotated[
+        Text, typer.Option(metavar="X,Y,W,H", help="Part of the detector in the file, in detector pixels from 0.")
+    ] = None,
     resume: Annotated[File, typer.Option(help="Product folder, result.json or store to start from.")] = None,
     max_passes: Annotated[int | None, typer.Option(min=1, max=10, help="Overrides the profile's passes.")] = None,
     workers: Annotated[int | None, typer.Option(min=1, help="Images at a time; default: one per processor.")] = None,
@@ -75,7 +82,7 @@ def correct(
     chosen = holding(usable_profile(profile, max_passes, quiet), hold)
     usable_kernels(kernels or [])
     names = product_names(files, product or [])
-    offset_px, how, place = two_numbers(start_offset), known_flip(flip), writable(store)
+    offset_px, how, part, place = two_numbers(start_offset), known_flip(flip), four_numbers(window), writable(store)
     requests = [
         Request(
             image=file,
@@ -93,6 +100,9 @@ def correct(
             start_offset_px=offset_px,
             mask=mask,
             flip=how,
+            plane=plane,
+            summing=summing,
+            window=part,
             resume=resume,
         )
         for file, name in zip(files, names, strict=True)
@@ -199,6 +209,19 @@ def two_numbers(text: str | None) -> tuple[float, float] | None:
     if not isfinite(x) or not isfinite(y):
         raise typer.BadParameter(f"{text!r} is not finite.", param_hint="--start-offset")
     return x, y
+
+
+def four_numbers(text: str | None) -> tuple[int, int, int, int] | None:
+    """`X,Y,W,H` as whole numbers; anything else is wrong usage."""
+    if text is None:
+        return None
+    try:
+        x, y, width, height = (int(part) for part in text.split(","))
+    except ValueError as error:
+        raise typer.BadParameter(f"{text!r} is not four whole numbers.", param_hint="--window") from error
+    if min(x, y) < 0 or min(width, height) < 1:
+        raise typer.BadParameter(f"{text!r} is no part of a detector.", param_hint="--window")
+    return x, y, width, height
 
 
 def known_flip(text: str | None) -> "Flip | None":

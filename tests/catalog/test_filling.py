@@ -79,8 +79,8 @@ def test_filling_in_a_noisy_image_is_found_whole_and_nothing_else(
     image[mask] = 0
     found = filled(image)
     assert np.array_equal(found.mask, mask)
-    assert f"{mask.sum()} pixels" in found.told[0]
-    assert "the value 0" in found.told[0]
+    assert f"{mask.sum()} pixels" in found.sentences[0]
+    assert "the value 0" in found.sentences[0]
 
 
 @pytest.mark.parametrize("value", [-32768.0, 7.25, 1e6])
