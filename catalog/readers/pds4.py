@@ -22,7 +22,7 @@ from catalog.readers.bands import chosen_plane
 from catalog.readers.exposure_time import claim, exposure_time
 from catalog.readers.label_values import number, plain_label
 from catalog.readers.names import targets_of_label
-from catalog.readers.pds3_image import special_value
+from catalog.readers.pds3_array import special_value
 from catalog.readers.raw_array import Order, RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
 from catalog.readers.stated_mode import stated_mode
