@@ -79,17 +79,15 @@ def read_frame(
     head = _head(path)
     if is_packed(head):
         with unpacked(path) as image:
-            return frame_of_reading(path, _flipped(_read(image, _head(image), plane), flip), camera, target, mode)
-    return frame_of_reading(path, _flipped(_read(path, head, plane), flip), camera, target, mode)
-
-
-def _flipped(reading: Reading, flip: Flip | None) -> Reading:
-    return reading if flip is None else reading.flipped(flip)
+            reading = _read(image, _head(image), plane)
+    else:
+        reading = _read(path, head, plane)
+    return frame_of_reading(path, reading if flip is None else reading.flipped(flip), camera, target, mode)
 
 
 def _read(path: Path, head: bytes, plane: str | None) -> Reading:
     """The file by the reader that knows it; a label by the reader of the file that it describes, if that has one."""
-    pixels = pixel_file(path)
+    given, pixels = path, pixel_file(path)
     if pixels != path and _reader_of(_head(pixels), pixels, READERS[:-2]) is not None:
         head, path = _head(pixels), pixels
     elif is_packed(head):
@@ -104,8 +102,12 @@ def _read(path: Path, head: bytes, plane: str | None) -> Reading:
         )
     try:
         return completed(reader.read(path, plane), path)
+    except RefusedError as refusal:
+        if given.name in refusal.fault:
+            raise
+        raise RefusedError(refusal.code, f"image {given}: {refusal.fault}", refusal.remedy) from refusal
     except (OSError, MemoryError) as error:
-        raise RefusedError("image-unreadable", f"image {path} cannot be read ({error}).") from error
+        raise RefusedError("image-unreadable", f"image {given} cannot be read ({error}).") from error
 
 
 def _reader_of(head: bytes, path: Path, readers: tuple[Reader, ...]) -> Reader | None:

@@ -8,7 +8,9 @@ the file's order: the first is line 0, the top.
 """
 
 import re
+import struct
 import warnings
+import zlib
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -22,10 +24,11 @@ from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers import lorri
 from catalog.readers.bands import chosen_plane
+from catalog.readers.fits_tiles import check_tiles
 from catalog.readers.fits_time import exposure_s, fits_exposure_time
 from catalog.readers.label_values import plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
-from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.readers.reading import Reading, checked_shape, unreadable
 from catalog.readers.stated_mode import mode_of_fits_header
 from catalog.regular_file import open_regular
 
@@ -40,6 +43,11 @@ FLAG_PLANE = re.compile(r"QUAL|\bDQ\b|\bDQF?\b|MASK|FLAG|BPM|BADPIX")
 ALL_BITS = sum(Quality)
 REMEDY_2D = "Give a file with a two-dimensional image."
 MAX_PLANES = 10_000
+DAMAGE = (
+    OSError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError, EOFError, RuntimeError, zlib.error,
+    re.error, struct.error,
+)  # fmt: skip
+"""What astropy raises for damaged files, beside errors of its own."""
 
 
 class FitsReader:
@@ -80,7 +88,7 @@ def _contents(path: Path, plane: str | None) -> FitsContents:
             warnings.simplefilter("ignore")
             with open_regular(path) as file, fits.open(file, memmap=False, lazy_load_hdus=True) as hdus:
                 return _images(path, hdus, plane)
-    except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError, fits.VerifyError) as error:
+    except (*DAMAGE, fits.VerifyError) as error:
         raise unreadable(path, f"no sound FITS file ({error})") from error
 
 
@@ -162,22 +170,23 @@ def _plane(path: Path, hdu: Any, number: int) -> NDArray[Any]:
         raise unreadable(path, f"truncated: its pixels should reach byte {end}, the file has {size}")
     _check_end(path, end)
     if packed:
-        _check_tiles(path, hdu)
+        check_tiles(path, hdu, axes)
     which = np.unravel_index(number, axes[:1:-1]) if len(axes) > 2 else ()
     if packed and len(axes) > 2:
         checked_shape(path, lines, samples * prod(axes[2:]))
-    data = np.asarray(hdu.data if len(axes) == 2 else hdu.section[tuple(int(i) for i in which)])
+    data = np.asarray(_numbers(path, hdu, tuple(int(i) for i in which)))
     if data.size != lines * samples or data.dtype.kind not in "iuf":
         raise unreadable(path, f"its pixels have the shape {data.shape} and type {data.dtype}")
     return data.reshape(lines, samples)
 
 
-def _check_tiles(path: Path, hdu: Any) -> None:
-    """Refuse tiles that are larger than any picture."""
-    sides = [hdu._header.get(f"ZTILE{axis + 1}", 1) for axis in range(hdu.header["NAXIS"])]
-    sides = [side for side in sides if type(side) is int]
-    if prod(sides) > MAX_PIXELS:
-        raise unreadable(path, f"its tiles have {prod(sides)} pixels")
+def _numbers(path: Path, hdu: Any, which: tuple[int, ...]) -> Any:
+    try:
+        return hdu.section[which] if which else hdu.data
+    except Exception as error:
+        if type(error).__name__ == "CfitsioException":  # astropy's own, of tiles that cannot be unpacked; not public
+            raise unreadable(path, f"its tiles are damaged ({error})") from error
+        raise
 
 
 def _check_end(path: Path, end: int) -> None:
