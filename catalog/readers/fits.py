@@ -11,6 +11,7 @@ import re
 import struct
 import warnings
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from math import prod
 from pathlib import Path
@@ -35,6 +36,7 @@ from catalog.regular_file import open_regular
 MAX_HEADER_BYTES = 2_000_000
 MAX_HDUS = 100
 BLOCK_BYTES = 2880
+EXTENSION = b"XTENSION"
 NOISE_NAMES = ("NOISE", "ERROR", "ERR", "SIGMA", "UNCERT")
 TARGETS = ("TARGET", "TARGNAME", "OBJECT", "TARGET_NAME")
 GAINS = ("GAIN", "CCDGAIN", "EGAIN")
@@ -94,7 +96,7 @@ def _contents(path: Path, plane: str | None) -> FitsContents:
 
 def _images(path: Path, hdus: Any, plane: str | None) -> FitsContents:
     found: list[Any] = []
-    for place, hdu in enumerate(hdus):
+    for place, hdu in enumerate(_extensions(path, hdus)):
         if place >= MAX_HDUS:
             raise unreadable(path, f"it has more than {MAX_HDUS} extensions", REMEDY_2D)
         if getattr(hdu, "is_image", False) and hdu.header.get("NAXIS", 0) > 0:
@@ -117,6 +119,26 @@ def _images(path: Path, hdus: Any, plane: str | None) -> FitsContents:
             if str(hdu.header.get("FLAGS", "")).strip().lower() == OWN_FLAGS:
                 flagged.add(hdu.name.upper())
     return FitsContents(header, comments, image, planes, frozenset(flagged))
+
+
+def _extensions(path: Path, hdus: Any) -> Iterator[Any]:
+    """The file's HDUs, until something follows that does not begin as one."""
+    for place in range(MAX_HDUS + 1):
+        try:
+            hdu = hdus[place]
+        except IndexError:
+            return
+        except OSError:
+            if place == 0 or _begins_an_extension(path, hdus[place - 1].fileinfo()):
+                raise
+            return
+        yield hdu
+
+
+def _begins_an_extension(path: Path, before: dict[str, int]) -> bool:
+    with open_regular(path) as file:
+        file.seek(before["datLoc"] + before["datSpan"])
+        return file.read(len(EXTENSION)) == EXTENSION
 
 
 def _keywords(hdu: Any) -> dict[str, Any]:
@@ -205,7 +227,7 @@ def _check_end(path: Path, end: int) -> None:
     with open_regular(path) as file:
         file.seek(end)
         fill, beyond = file.read(block_end - end), file.read(BLOCK_BYTES)
-    if not beyond or beyond.startswith(b"XTENSION") or size % BLOCK_BYTES == 0:
+    if not beyond or beyond.startswith(EXTENSION) or size % BLOCK_BYTES == 0:
         return
     if any(fill) or (len(beyond) > 1 and not any(beyond)):
         raise lost_or_put_in

@@ -9,6 +9,7 @@ import pytest
 from astropy.io import fits
 from numpy.typing import NDArray
 from PIL import Image
+from small_vicar import vicar_file
 
 from catalog.camera import known_cameras
 from catalog.errors import RefusedError
@@ -24,23 +25,6 @@ FLIGHT_LABEL = (
     "  LAB02='VGR-2   FDS 20650.22   PICNO 0482J2-001   SCET 79.190 13:00:10         C'"
     "  LAB03='WA CAMERA  EXP 00480.0 MSEC  FILT 3(ORANGE)  LO GAIN  SCAN RATE  1:1   C'"
 )
-
-
-def vicar_file(path: Path, pixels: NDArray[Any], keywords: str = "", prefix: int = 0, header_lines: int = 0) -> Path:
-    """A VICAR file with line prefixes and binary header lines full of 0xEE."""
-    lines, samples = pixels.shape
-    record = prefix + samples * pixels.dtype.itemsize
-    kind = {"u1": "BYTE", "i2": "HALF", "i4": "FULL", "f4": "REAL"}[pixels.dtype.str[1:]]
-    order = "HIGH" if pixels.dtype.str[0] == ">" else "LOW"
-    body = (
-        f"FORMAT='{kind}'  TYPE='IMAGE'  BUFSIZ=20480  DIM=3  EOL=0  RECSIZE={record}  ORG='BSQ'  NL={lines}"
-        f"  NS={samples}  NB=1  N1={samples}  N2={lines}  N3=1  N4=0  NBB={prefix}  NLB={header_lines}"
-        f"  HOST='X'  INTFMT='{order}'  REALFMT='RIEEE' {keywords} "
-    ).encode()
-    label = b"LBLSIZE=%-16d" % 4096 + body
-    rows = b"".join(b"\xee" * prefix + row.tobytes() for row in pixels)
-    path.write_bytes(label.ljust(4096, b"\0") + b"\xee" * (header_lines * record) + rows)
-    return path
 
 
 def fits_file(path: Path, *planes: tuple[str, NDArray[Any]], **keywords: Any) -> Path:
