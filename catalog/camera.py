@@ -12,6 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
+from catalog.reasons import Reason
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
@@ -153,7 +154,7 @@ def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'camera'}: {e['msg']}" for e in error.errors())
         raise RefusedError(
-            "camera-file-invalid",
+            Reason.CAMERA_FILE_INVALID,
             f"camera file {origin}: {faults}.",
             "It needs at least name, size_px, centre_px and focal_length_px (or focal_length_mm and pixel_pitch_mm).",
         ) from error
@@ -165,7 +166,7 @@ def read_camera_file(path: Path) -> Camera:
         content = read_toml_file(Path(path))
     except (OSError, ValueError) as error:
         raise RefusedError(
-            "camera-file-unreadable",
+            Reason.CAMERA_FILE_UNREADABLE,
             f"camera file {path} cannot be read: {error}.",
             f"Give a TOML file, or one of the catalog's names: {', '.join(path.stem for path in CAMERA_FILES)}.",
         ) from error
@@ -197,7 +198,7 @@ def find_camera(name_or_file: str) -> Camera:
         return read_camera_file(Path(name_or_file))
     refuse_unusable(CAMERAS, name_or_file)
     raise RefusedError(
-        "camera-unknown",
+        Reason.CAMERA_UNKNOWN,
         f"camera {name_or_file!r} is not in the catalog.",
         f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml.",
     )

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import is_folder, is_regular, open_regular
 
 LABEL_SUFFIXES = (".LBL", ".lbl", ".Lbl", ".xml", ".XML")
@@ -39,7 +40,7 @@ def data_beside(label: Path, name: str) -> Path:
     found = _in_folder(label, name)
     if found is None:
         raise RefusedError(
-            "image-missing",
+            Reason.IMAGE_MISSING,
             f"image {label}: the file {name} that its label names is not beside it.",
             "Put label and image into one folder, under the name that the label gives.",
         )

@@ -6,14 +6,14 @@ from catalog.plain_text import printable
 class PlanetposeError(Exception):
     """An expected failure that ends one image and leaves the others alone.
 
-    `code` is a short stable word for tables and filters; `fault` says what was found, `remedy` what the user can do.
-    Both become printable text of one line: names of files are in them, which may hold anything.
+    `code` is one of `catalog.reasons.Reason`, or a plugin's own; `fault` says what was found, `remedy` what the user
+    can do. Both become printable text of one line: names of files are in them, which may hold anything.
     """
 
     status = "failed"
 
     def __init__(self, code: str, fault: str, remedy: str = "") -> None:
-        self.code = code
+        self.code = str(code)
         self.fault = printable(fault)
         self.remedy = printable(remedy)
         super().__init__(f"{self.fault} {self.remedy}".strip())

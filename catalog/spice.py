@@ -15,6 +15,7 @@ from typing import Any
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
+from catalog.reasons import Reason
 from catalog.regular_file import check_regular, is_folder
 
 KIND_OF_SUFFIX = {
@@ -89,7 +90,7 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     if len(found) > MAX_KERNELS:
         fault = f"kernels from {kernels[0].path} to {kernels[-1].path}: with what meta-kernels name there are more than"
         remedy = "Name each kernel once, and only those of the images' times."
-        raise RefusedError("kernel-too-many", f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
+        raise RefusedError(Reason.KERNEL_TOO_MANY, f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
     return found
 
 
@@ -101,7 +102,7 @@ def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     path = kernel.path.resolve()
     if path in above or len(above) >= MAX_META_DEPTH:
         fault = f"meta-kernel {kernel.path} names itself, over {', '.join(other.name for other in above)}."
-        raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
+        raise RefusedError(Reason.KERNEL_UNREADABLE, fault, "Name each kernel once.")
     members = members_of(kernel.path, read_text_kernel(kernel.path))
     kernels = {member: _of_file(member) for member in dict.fromkeys(members)}
     for member in members:
@@ -114,14 +115,14 @@ def _of_file(path: Path) -> Kernel:
         return Kernel(path, kernel_kind(path))
     except FileNotFoundError as error:
         remedy = "Give a kernel file or a folder."
-        raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
+        raise RefusedError(Reason.KERNEL_MISSING, f"kernel {path} does not exist.", remedy) from error
     except OSError as error:
         raise _unreadable(path, error) from error
 
 
 def _unreadable(path: Path, error: OSError) -> RefusedError:
     fault = f"kernel {path} cannot be read: {error.strerror}."
-    return RefusedError("kernel-unreadable", fault, "Give a file of the SPICE formats that may be read.")
+    return RefusedError(Reason.KERNEL_UNREADABLE, fault, "Give a file of the SPICE formats that may be read.")
 
 
 def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
@@ -130,7 +131,7 @@ def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
     for path in map(Path, paths):
         if not list_kernels([path]):
             fault = f"the folder {path} holds no kernel ({', '.join((*KIND_OF_SUFFIX, '.tm'))})."
-            raise RefusedError("kernel-missing", fault, "Give a folder that does, or kernel files.")
+            raise RefusedError(Reason.KERNEL_MISSING, fault, "Give a folder that does, or kernel files.")
 
 
 @contextmanager
@@ -168,7 +169,7 @@ def _readable(kernel: Kernel, until_unloaded: ExitStack) -> Kernel:
     would pass over, a meta-kernel without the kernels that it names, which are furnished one by one."""
     if kernel.path.suffix.lower() in BINARY_SUFFIXES and not is_binary(kernel.path):
         raise RefusedError(  # SPICE would take it for an empty text kernel
-            "kernel-unreadable",
+            Reason.KERNEL_UNREADABLE,
             f"kernel {kernel.path} is no binary SPICE file.",
             "Fetch it again; it may be cut short.",
         )
@@ -206,7 +207,7 @@ def _furnish(kernel: Kernel) -> None:
         spiceypy.furnsh(kernel.for_spice)
     except spiceypy.utils.exceptions.SpiceyError as error:
         raise RefusedError(
-            "kernel-unreadable",
+            Reason.KERNEL_UNREADABLE,
             f"SPICE cannot load kernel {kernel.path}: {spice_message(error)}.",
             "Give kernels of the SPICE formats; the paths inside a meta-kernel must exist.",
         ) from error

@@ -15,8 +15,8 @@ from flows.request import Request
 from flows.verdict import CONSEQUENCES, code_of, doubts
 from tasks.atomic import folder_put_in_place
 from tasks.correcting import Known
+from tasks.diagnose.diagnosis import MAP
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
-from tasks.diagnose.telling import MAP
 from tasks.record import RECORD_FILE, read_record
 from tasks.registry import CORRECTIONS, DIAGNOSE, START, VALIDATE
 from tasks.scene_inputs import UNIFORM, SceneFiles

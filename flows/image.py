@@ -14,7 +14,7 @@ from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
 from flows.settling import settled
 from flows.verdict import doubts, reminded
-from tasks.accept.judgement import believe, explained, refuse_doubtful_behind
+from tasks.accept.acceptance import check_limb, explained, refuse_doubtful_behind
 from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
@@ -120,7 +120,7 @@ def validate(chain: Chain, corrected: Corrected) -> None:
     """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the pose is not
     believed."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
-    believe(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
+    check_limb(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:

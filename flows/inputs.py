@@ -170,7 +170,7 @@ def of_publish(
         predicted=known.predicted,
         steps={name: done.key for name, done in chain.done.items() if name not in METADATA},
         verdict=verdict,
-        judgement=judgement_version(),
+        verdict_code=verdict_version(),
         profile=request.profile.resolved(),
         profile_origin=profile_origin(request.profile),
         guidance=guidance_of(request) | {"overruled": list(frame.overruled)},
@@ -192,6 +192,6 @@ def of_upload(request: Request, url: str, product: Done[PublishResult]) -> tuple
     return UploadInputs(url=url, product=request.product, publish=product.key), UploadFiles(product.folder)
 
 
-def judgement_version() -> str:
+def verdict_version() -> str:
     """Version of the code that puts the steps in order and judges them; the steps have their own."""
     return code_version("flows.image", frozenset(step.module for step in STEPS) | {"tasks.registry"})

@@ -8,7 +8,7 @@ from typing import Any
 from catalog.spice import kernel_pool
 from flows.boundary import reason_of, trouble_of
 from tasks.kernels.exposure import Exposure, read_exposure
-from tasks.kernels.sets import groups_of, refuse_twins, told
+from tasks.kernels.sets import groups_of, refuse_twins, set_report
 from tasks.kernels.write import write_kernel_set
 from tasks.publish.check import products_in
 
@@ -34,7 +34,7 @@ def kernels_of(
         for name, members in sorted(groups_of(exposures, per_image).items()):
             sets.append((write_kernel_set(name, members, folder, loaded), members))
         in_order = [Path(kernel.for_spice) for kernel in loaded if kernel.kind != "meta"]
-    return [told(kernel_set, members, in_order if check else None) for kernel_set, members in sets]
+    return [set_report(kernel_set, members, in_order if check else None) for kernel_set, members in sets]
 
 
 def _exposures(products: Sequence[Path], refused: Callable[[Path, str], None] | None) -> list[Exposure]:

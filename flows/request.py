@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat, field_validator
 
 from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
+from catalog.body import MAX_SHAPE_BYTES
 from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
@@ -22,7 +23,7 @@ from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import Kernel, list_kernels
-from catalog.target import MAX_SHAPE_BYTES, Target, find_target, is_target_file, known_targets
+from catalog.target import Target, find_target, is_target_file, known_targets
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs

@@ -79,7 +79,7 @@ def changes(trace: Json, chain: Chain) -> list[str]:
     for tried in chain.tried:
         old = before.get(tried.step.name)
         if old and old["key"] != tried.step.key:
-            found += inputs_changed(tried.step.kind.told_as, old["inputs"], tried.step.plain_inputs)
+            found += inputs_changed(tried.step.kind.labels, old["inputs"], tried.step.plain_inputs)
     settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
     found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
     kinds = {step.name: step for step in STEPS}

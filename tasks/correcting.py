@@ -67,11 +67,11 @@ class CorrectionResult(Content):
 
     @property
     def formal(self) -> Amounts:
-        """1-sigma by the scatter of the residuals alone, or what is stated where nobody told that."""
+        """1-sigma by the scatter of the residuals alone, or what is stated where nobody stated that."""
         formal: Json | None = self.evidence.get(FORMAL)
         return formal or self.uncertainty
 
-    def told(self) -> Json:
+    def to_dict(self) -> Json:
         """What a product says of it: all but the pose, as plain JSON."""
         return self.model_dump(mode="json", exclude={"pose"})
 
@@ -94,8 +94,8 @@ def correction_step(
     parameters: frozenset[str] = frozenset(),
 ) -> StepType[C, SceneFiles, CorrectionResult]:
     """The type of a correction's step, see `StepType`."""
-    told_as = {"scene.basemap": "base map"}
-    return StepType(name, body, CorrectionResult, settings, changes, parameters, told_as)
+    labels = {"scene.basemap": "base map"}
+    return StepType(name, body, CorrectionResult, settings, changes, parameters, labels)
 
 
 def recorded(correction: Correction, image_moved: bool = False, markings_match: bool | None = None) -> CorrectionResult:

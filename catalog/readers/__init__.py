@@ -27,6 +27,7 @@ from catalog.readers.plugged import PluggedReader, readers_of
 from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader, Reading
 from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
+from catalog.reasons import Reason
 from catalog.regular_file import TooLargeError, open_regular
 
 READERS: tuple[Reader, ...] = (
@@ -91,11 +92,11 @@ def _read(path: Path, head: bytes, plane: str | None) -> Reading:
     if pixels != path and _reader_of(_head(pixels), pixels, READERS[:-2]) is not None:
         head, path = _head(pixels), pixels
     elif is_packed(head):
-        raise RefusedError("image-format-unknown", f"image {path}: it is packed twice.", "Unpack it.")
+        raise RefusedError(Reason.IMAGE_FORMAT_UNKNOWN, f"image {path}: it is packed twice.", "Unpack it.")
     reader = _reader_of(head, path, all_readers())
     if reader is None:
         raise RefusedError(
-            "image-format-unknown",
+            Reason.IMAGE_FORMAT_UNKNOWN,
             f"image {path}: {_description(head)}.",
             "VICAR, compressed Voyager .imq, FITS, ISIS cubes, PDS3 and PDS4 (keep label and image in one folder, "
             "under the names that the label gives), PNG, TIFF, JPEG, NPY, and any of them in .gz or .bz2, are read.",
@@ -103,11 +104,11 @@ def _read(path: Path, head: bytes, plane: str | None) -> Reading:
     try:
         return completed(reader.read(path, plane), path)
     except RefusedError as refusal:
-        if given.name in refusal.fault:
+        if given.name in refusal.fault or isinstance(reader, PluggedReader):
             raise
         raise RefusedError(refusal.code, f"image {given}: {refusal.fault}", refusal.remedy) from refusal
     except (OSError, MemoryError) as error:
-        raise RefusedError("image-unreadable", f"image {given} cannot be read ({error}).") from error
+        raise RefusedError(Reason.IMAGE_UNREADABLE, f"image {given} cannot be read ({error}).") from error
 
 
 def _reader_of(head: bytes, path: Path, readers: tuple[Reader, ...]) -> Reader | None:
@@ -122,17 +123,19 @@ def _head(path: Path) -> bytes:
         with open_regular(path, MAX_FILE_BYTES) as file:
             return file.read(HEAD_BYTES)
     except FileNotFoundError as error:
-        raise RefusedError("image-missing", f"image {path} does not exist.", remedy) from error
+        raise RefusedError(Reason.IMAGE_MISSING, f"image {path} does not exist.", remedy) from error
     except TooLargeError as error:
-        raise RefusedError("image-too-large", f"image {path}: {error.strerror}.", "Give a single frame.") from error
+        raise RefusedError(
+            Reason.IMAGE_TOO_LARGE, f"image {path}: {error.strerror}.", "Give a single frame."
+        ) from error
     except OSError as error:
-        raise RefusedError("image-unreadable", f"image {path} cannot be opened ({error}).", remedy) from error
+        raise RefusedError(Reason.IMAGE_UNREADABLE, f"image {path} cannot be opened ({error}).", remedy) from error
 
 
 def image_is_folder(path: Path) -> RefusedError:
     """The refusal of a folder in place of an image."""
     remedy = f"Give the files in it, for example {path}/*.IMG."
-    return RefusedError("image-is-folder", f"image {path} is a folder.", remedy)
+    return RefusedError(Reason.IMAGE_IS_FOLDER, f"image {path} is a folder.", remedy)
 
 
 def _description(head: bytes) -> str:

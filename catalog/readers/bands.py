@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 
 MAX_LISTED = 12
-SEVERAL = "several-planes"
 
 
 def chosen_plane(path: Path, names: Sequence[str], plane: str | None, default: int | None = None) -> int:
@@ -20,7 +20,9 @@ def chosen_plane(path: Path, names: Sequence[str], plane: str | None, default: i
         if len(names) == 1 or default is not None:
             return default or 0
         fault = f"image {path}: it has {len(names)} planes: {listed(names)}"
-        raise RefusedError(SEVERAL, f"{fault}.", "Say which one is meant: --plane NUMBER (from 1) or --plane NAME.")
+        raise RefusedError(
+            Reason.SEVERAL_PLANES, f"{fault}.", "Say which one is meant: --plane NUMBER (from 1) or --plane NAME."
+        )
     found = [place for place, name in enumerate(names) if name and name.strip().lower() == wanted.lower()]
     if len(found) == 1:
         return found[0]
@@ -29,7 +31,9 @@ def chosen_plane(path: Path, names: Sequence[str], plane: str | None, default: i
     fault = (
         f"image {path}: there is no plane {wanted!r}" if not found else f"image {path}: {wanted!r} names {len(found)}"
     )
-    raise RefusedError("plane-unknown", f"{fault}, its planes are {listed(names)}.", "Give --plane NUMBER (from 1).")
+    raise RefusedError(
+        Reason.PLANE_UNKNOWN, f"{fault}, its planes are {listed(names)}.", "Give --plane NUMBER (from 1)."
+    )
 
 
 def listed(names: Sequence[str]) -> str:

@@ -18,6 +18,7 @@ from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.overruled import overruled_label, reminder
 from catalog.readers.reading import Reading
+from catalog.reasons import Reason
 from catalog.safe_name import safe_product_name
 from catalog.target import find_target, is_target_file
 
@@ -145,7 +146,7 @@ def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observa
     if usable < min(MIN_USABLE_PX, image.size / 2):
         fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
         raise RefusedError(
-            "no-usable-pixels",
+            Reason.NO_USABLE_PIXELS,
             f"{fault}not a number or filled: {_shares(quality)}.",
             "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
         )
@@ -163,7 +164,7 @@ def _check_steps(path: Path, image: NDArray, sound: NDArray[np.bool_]) -> None:
     if 0 < highest - lowest < MIN_STEPS * step:
         fault = f"image {path}: its numbers, {lowest:g} to {highest:g}, are further from zero than apart: "
         remedy = "Subtract a constant from its pixels, so that the sky is near zero."
-        raise RefusedError("image-precision", f"{fault}in single precision they have steps of {step:g}.", remedy)
+        raise RefusedError(Reason.IMAGE_PRECISION, f"{fault}in single precision they have steps of {step:g}.", remedy)
 
 
 def _shares(quality: NDArray[np.uint16]) -> str:

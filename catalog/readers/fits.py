@@ -31,6 +31,7 @@ from catalog.readers.label_values import plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading, checked_shape, unreadable
 from catalog.readers.stated_mode import mode_of_fits_header
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 MAX_HEADER_BYTES = 2_000_000
@@ -102,7 +103,7 @@ def _images(path: Path, hdus: Any, plane: str | None) -> FitsContents:
         if getattr(hdu, "is_image", False) and hdu.header.get("NAXIS", 0) > 0:
             found.append(hdu)
     if not found:
-        raise RefusedError("image-not-2d", f"image {path}: this FITS file holds no image.", REMEDY_2D)
+        raise RefusedError(Reason.IMAGE_NOT_2D, f"image {path}: this FITS file holds no image.", REMEDY_2D)
     counts = [_plane_count(path, hdu) for hdu in found]
     everything = [(hdu, number) for hdu, count in zip(found, counts, strict=True) for number in range(count)]
     names = _plane_names(found, counts) if len(everything) > 1 else [""]
@@ -155,7 +156,7 @@ def _axes(path: Path, hdu: Any) -> list[int]:
     if not all(type(axis) is int and axis >= 0 for axis in axes):
         raise unreadable(path, f"its axes are {axes}")
     if len(axes) < 2:
-        raise RefusedError("image-not-2d", f"image {path}: its image has {len(axes)} axis ({axes}).", REMEDY_2D)
+        raise RefusedError(Reason.IMAGE_NOT_2D, f"image {path}: its image has {len(axes)} axis ({axes}).", REMEDY_2D)
     return axes
 
 
@@ -166,7 +167,7 @@ def _size(hdu: Any) -> tuple[int, int]:
 def _plane_count(path: Path, hdu: Any) -> int:
     count = prod(_axes(path, hdu)[2:])
     if not 1 <= count <= MAX_PLANES:
-        raise RefusedError("image-not-2d", f"image {path}: its axes are {_axes(path, hdu)}.", REMEDY_2D)
+        raise RefusedError(Reason.IMAGE_NOT_2D, f"image {path}: its axes are {_axes(path, hdu)}.", REMEDY_2D)
     return count
 
 

@@ -21,6 +21,7 @@ from catalog.readers.label_values import items, number, plain_label
 from catalog.readers.raw_array import RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
 from catalog.readers.stated_mode import UNSTATED, mode_of_alpha_cube, scaled
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 KINDS = {
@@ -57,7 +58,7 @@ class IsisReader:
         cube = _object(path, label, "IsisCube")
         core = _object(path, cube, "Core")
         if "Mapping" in cube:
-            raise RefusedError("image-projected", f"image {path}: it is a map projection.", FOR_PROJECTED)
+            raise RefusedError(Reason.IMAGE_PROJECTED, f"image {path}: it is a map projection.", FOR_PROJECTED)
         array, kind, file = _array(path, core)
         check_array(file, array)
         pixels_group = _object(path, core, "Pixels")

@@ -15,6 +15,7 @@ from catalog.image_mode import FULL_FRAME, ImageMode, Window
 from catalog.observation import Quality
 from catalog.readers.reading import Reading
 from catalog.readers.stated_mode import MAX_SUMMING
+from catalog.reasons import Reason
 
 SAY_WHICH = "Say which part of the detector it shows: --window X0,Y0,WIDTH,HEIGHT in detector pixels from 0"
 BY_SIZE = "the frame's size"
@@ -45,7 +46,7 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
             return ImageMode(summing, (0, 0, samples * summing, lines * summing), BY_SIZE)
     allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((full, camera.size_px)))
     raise RefusedError(
-        "frame-size",
+        Reason.FRAME_SIZE,
         f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
         f"{reminder}{SAY_WHICH} (and --summing 2 where its pixels are summed), or give the --camera that took it.",
     )
@@ -111,4 +112,4 @@ def _checked(path: Path, mode: ImageMode, size: tuple[int, int], full: tuple[int
 
 
 def _impossible(path: Path, size: tuple[int, int], fault: str) -> RefusedError:
-    return RefusedError("frame-mode", f"image {path} of {size[0]}x{size[1]} pixels: {fault}.", f"{SAY_WHICH}.")
+    return RefusedError(Reason.FRAME_MODE, f"image {path} of {size[0]}x{size[1]} pixels: {fault}.", f"{SAY_WHICH}.")

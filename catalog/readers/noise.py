@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Noise
+from catalog.robust import sigma_about_zero
 
-MAD_TO_SIGMA = 1.482602218505602
 QUANTISATION = 1 / np.sqrt(12)
 
 
@@ -64,7 +64,7 @@ def _high_frequency_sigma(image: NDArray[np.float32], usable: NDArray[np.bool_])
     mask = across[:-2] - 2 * across[1:-1] + across[2:]
     rows_usable = usable[:, :-2] & usable[:, 1:-1] & usable[:, 2:]
     values = mask[rows_usable[:-2] & rows_usable[1:-1] & rows_usable[2:]]
-    return float(MAD_TO_SIGMA * np.median(np.abs(values)) / 6) if values.size else 0.0
+    return sigma_about_zero(values) / 6 if values.size else 0.0
 
 
 def completed_noise(noise: NDArray[np.float32], fallback: NDArray[np.float32]) -> NDArray[np.float32]:

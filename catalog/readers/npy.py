@@ -10,6 +10,7 @@ from catalog.errors import RefusedError
 from catalog.readers.bands import chosen_plane
 from catalog.readers.raw_array import MAX_BANDS, check_end
 from catalog.readers.reading import Reading, bytes_at, checked_shape, unreadable
+from catalog.reasons import Reason
 
 MAGIC = b"\x93NUMPY"
 MAX_HEADER_BYTES = 10_000
@@ -30,7 +31,7 @@ class NpyReader:
             shape = _without_ones(shape)
         if len(shape) not in (2, 3) or (fortran and len(shape) != 2):
             fault = f"image {path}: its array has the shape {shape}."
-            raise RefusedError("image-not-2d", fault, "Save one picture (lines, samples).")
+            raise RefusedError(Reason.IMAGE_NOT_2D, fault, "Save one picture (lines, samples).")
         planes = shape[0] if len(shape) == 3 else 1
         lines, samples = checked_shape(path, *shape[-2:])
         if planes > MAX_BANDS:

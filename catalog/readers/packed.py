@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 from catalog.detached import PACKED_SUFFIXES, label_beside
 from catalog.errors import RefusedError
 from catalog.readers.reading import unreadable
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 GZIP, BZIP2 = b"\x1f\x8b", b"BZh"
@@ -60,7 +61,7 @@ def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
                 written += len(part)
                 if written > most:
                     fault = f"image {path}: unpacked it has more than {most} bytes."
-                    raise RefusedError("image-too-large", fault, TOO_LARGE)
+                    raise RefusedError(Reason.IMAGE_TOO_LARGE, fault, TOO_LARGE)
                 plain.write(part)
                 content = _rest(member)
                 if not member.eof and not content and not part:

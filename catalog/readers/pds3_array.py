@@ -11,6 +11,7 @@ from catalog.errors import RefusedError
 from catalog.readers.label_values import items, number
 from catalog.readers.raw_array import Order, RawArray
 from catalog.readers.reading import unreadable
+from catalog.reasons import Reason
 
 ORDERS: dict[str, Order] = {
     "BAND_SEQUENTIAL": "band", "BAND SEQUENTIAL": "band", "LINE_INTERLEAVED": "line", "LINE INTERLEAVED": "line",
@@ -47,7 +48,7 @@ def image_array(path: Path, keywords: Mapping[str, Any], offset: int) -> RawArra
     than plain numbers."""
     coded = str(keywords.get("ENCODING_TYPE") or "N/A").upper()
     if coded not in ("N/A", "NONE", "NULL", "UNCOMPRESSED"):
-        raise RefusedError("image-compressed", f"image {path}: its samples are coded ({coded}).", GIVE_PLAIN)
+        raise RefusedError(Reason.IMAGE_COMPRESSED, f"image {path}: its samples are coded ({coded}).", GIVE_PLAIN)
     bits = _count(path, keywords, "SAMPLE_BITS")
     if bits not in (8, 16, 32, 64):
         raise unreadable(path, f"its label gives samples of {bits} bits", GIVE_PLAIN)

@@ -16,6 +16,7 @@ from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
 from catalog.readers.grey import grey_of_colours
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular, read_regular
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
@@ -49,7 +50,7 @@ class PictureReader:
                     pixels, quality, remarks = _pixels(path, picture, plane)
         except Image.DecompressionBombError as error:
             remedy = f"Frames up to {MAX_PIXELS} pixels are read; cut the picture."
-            raise RefusedError("image-too-large", f"image {path}: {error}", remedy) from error
+            raise RefusedError(Reason.IMAGE_TOO_LARGE, f"image {path}: {error}", remedy) from error
         except (*DAMAGE, struct.error) as error:
             raise unreadable(path, f"no sound picture ({error})") from error
         return Reading(
@@ -68,14 +69,14 @@ def _pixels(
     """One picture, MISSING where it is transparent, and remarks."""
     checked_shape(path, picture.height, picture.width)
     if _has_second_page(picture):
-        raise RefusedError("image-not-2d", f"image {path}: it has several pages.", "Give one picture.")
+        raise RefusedError(Reason.IMAGE_NOT_2D, f"image {path}: it has several pages.", "Give one picture.")
     if picture.mode in GREY_MODES:
         if plane is not None:
             chosen_plane(path, ["grey"], plane)
         return _grey_pixels(path, picture), None, ()
     if picture.mode not in COLOUR_MODES:
         fault = f"image {path}: a picture of mode {picture.mode} is neither grey nor red, green, blue."
-        raise RefusedError("image-colour", fault, "Give one grey channel, 8 or 16 bit, or a TIFF.")
+        raise RefusedError(Reason.IMAGE_COLOUR, fault, "Give one grey channel, 8 or 16 bit, or a TIFF.")
     channels = _deep_colours(path) if _is_deep(path) else np.asarray(picture.convert("RGBA"))
     opaque = channels[..., -1] > 0 if channels.shape[2] in (2, 4) else None
     colours = channels[..., : channels.shape[2] - (opaque is not None)]

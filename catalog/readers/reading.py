@@ -13,6 +13,7 @@ from catalog.pose import PartialPose
 from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
 from catalog.readers.names import sole_target
 from catalog.readers.stated_mode import UNSTATED, StatedMode
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 MAX_SIDE_PX = 20_000
@@ -78,7 +79,7 @@ class Reader(Protocol):
 
 def unreadable(path: Path, fault: str, remedy: str = "Fetch the file again from its archive.") -> RefusedError:
     """The refusal of a damaged or inconsistent file."""
-    return RefusedError("image-unreadable", f"image {path}: {fault}.", remedy)
+    return RefusedError(Reason.IMAGE_UNREADABLE, f"image {path}: {fault}.", remedy)
 
 
 def checked_shape(path: Path, lines: int, samples: int) -> tuple[int, int]:
@@ -87,7 +88,7 @@ def checked_shape(path: Path, lines: int, samples: int) -> tuple[int, int]:
         raise unreadable(path, f"its label gives {samples} samples by {lines} lines")
     if max(lines, samples) > MAX_SIDE_PX or lines * samples > MAX_PIXELS:
         raise RefusedError(
-            "image-too-large",
+            Reason.IMAGE_TOO_LARGE,
             f"image {path}: {samples} samples by {lines} lines is more than a camera frame has.",
             f"Frames up to {MAX_SIDE_PX} pixels a side and {MAX_PIXELS} pixels in all are read; cut the picture.",
         )

@@ -21,6 +21,7 @@ from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
 from catalog.readers.grey import grey_of_colours
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -99,11 +100,11 @@ def _grey_pixels(path: Path, picture: Any, photometric: int, band: int) -> tuple
     white_is_zero = photometric == WHITE_IS_ZERO
     if photometric == PALETTE:
         fault = f"image {path}: a TIFF of colours of a palette mixes exposures."
-        raise RefusedError("image-colour", fault, REMEDY_GREY)
+        raise RefusedError(Reason.IMAGE_COLOUR, fault, REMEDY_GREY)
     if np.dtype(kind).kind not in "iuf" or (white_is_zero and np.dtype(kind).kind != "u"):
         zero = " whose zero is white" if white_is_zero else ""
         raise RefusedError(
-            "image-colour", f"image {path}: TIFF numbers of type {kind}{zero} are not read.", REMEDY_GREY
+            Reason.IMAGE_COLOUR, f"image {path}: TIFF numbers of type {kind}{zero} are not read.", REMEDY_GREY
         )
     pixels = picture.read(band)
     missing = _never_written(path, picture, band)
@@ -161,7 +162,7 @@ def _first_directory(path: Path, content: bytes) -> dict[int, int]:
     pages = [tags for tags in directories[1:] if not tags.get(SUBFILE_TAG, 0) & REDUCED_OR_MASK]
     if pages or len(directories) == MAX_DIRECTORIES:
         fault = f"image {path}: it has several pages ({len(pages) + 1} or more)."
-        raise RefusedError("image-not-2d", fault, "Give one picture.")
+        raise RefusedError(Reason.IMAGE_NOT_2D, fault, "Give one picture.")
     return directories[0] if directories else {}
 
 

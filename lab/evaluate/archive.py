@@ -11,6 +11,7 @@ import numpy as np
 from catalog.camera import Camera, find_camera
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.pose import Pose, read_pose_file
+from catalog.reasons import Reason
 from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.image import correct_image
@@ -71,7 +72,7 @@ def evaluate_archive(
     ][:limit]
     if not listed:
         wanted = ", ".join([*products, *cameras])
-        raise RefusedError("nothing-to-evaluate", f"{folder} lists none of {wanted or 'them'}.", "See images.csv.")
+        raise RefusedError(Reason.NOTHING_TO_EVALUATE, f"{folder} lists none of {wanted or 'them'}.", "See images.csv.")
     work = [Job(folder, row, profile, store) for profile in profiles for row in listed]
     rows = []
     for row in _rows(work, jobs):

@@ -12,6 +12,7 @@ import numpy as np
 from catalog.detached import label_beside
 from catalog.errors import RefusedError
 from catalog.lists.scan import looks_like_an_image
+from catalog.reasons import Reason
 from lab.fuzz.damage import DAMAGES
 from lab.fuzz.reader_process import ReaderProcess
 
@@ -74,7 +75,7 @@ def originals_in(folder: Path) -> list[Original]:
         if looks_like_an_image(path):
             found.append(Original(path, label_beside(path)))
     if not found:
-        raise RefusedError("no-images", f"{folder} holds no image.", "Give the folder of real files (--folder).")
+        raise RefusedError(Reason.NO_IMAGES, f"{folder} holds no image.", "Give the folder of real files (--folder).")
     return found
 
 

@@ -10,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
-from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, judged_markings
+from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, markings_at_pose
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -110,7 +111,7 @@ def find_attitude(
         turns.append({"reduction": reduction, **turn.evidence})
         turned = turn.pose
         if progress:
-            progress("attitude", iteration, told(turn))
+            progress("attitude", iteration, turn_text(turn))
         if iteration < len(reductions):
             continue
         if turn.vector_deg is None or turn.sigma_deg is None:
@@ -139,7 +140,8 @@ def find_attitude(
         evidence |= {"undetermined": reason, "settled": None}
         if turn.evidence.get("mismatch") or "not believable" in reason:
             evidence["doubt"] = (
-                f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
+                f"{Reason.MARKINGS_DO_NOT_MATCH}: "
+                f"{reason}. Check the predicted attitude, the camera's roll and the base map."
             )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
     stated, formal = None, turn.sigma_deg
@@ -197,7 +199,7 @@ def why_not_so_far(
     """Why a turn of the body by `whole_deg` (3,) is larger than can be believed, or None."""
     angle = float(np.linalg.norm(whole_deg))
     limit = CONFLICT_SIGMAS * prior_deg if settings.max_deg is None else settings.max_deg
-    if angle <= limit or is_borne_out(judged_markings(observation, turned, scene, prior_deg)):
+    if angle <= limit or is_borne_out(markings_at_pose(observation, turned, scene, prior_deg)):
         return None
     return (
         f"a turn of {angle:.1f} deg is not believable (limit {limit:g} deg), "
@@ -205,7 +207,7 @@ def why_not_so_far(
     )
 
 
-def told(turn: Turn) -> str:
+def turn_text(turn: Turn) -> str:
     """The estimate for the progress display."""
     if turn.vector_deg is None:
         return f"no turn: {turn.evidence['reason']}"

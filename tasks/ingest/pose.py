@@ -16,6 +16,7 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Frame
 from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose, read_pose_file
+from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
 
@@ -49,7 +50,7 @@ def initial_pose(
     if et is None:
         why = f"{frame.product}: the label gives no time"
         raise RefusedError(
-            "pose-unknown",
+            Reason.POSE_UNKNOWN,
             f"{why} of the exposure: {frame.unclear['time']}." if "time" in frame.unclear else f"{why}.",
             "Give a pose file (--pose) with utc or et of mid-exposure, "
             f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
@@ -138,7 +139,7 @@ def _unknown(
     needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
     label = "; ".join(label_faults) or f"the label does not give them for {frame.target}"
     return RefusedError(
-        "pose-unknown",
+        Reason.POSE_UNKNOWN,
         f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",
         f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
     )

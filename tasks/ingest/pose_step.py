@@ -62,10 +62,10 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     )
 
 
-TOLD_AS = {
+LABELS = {
     "pose_file": "pose file",
     "kernels": "kernels",
     "target": "catalog: targets",
     "image.reader": "reader",
 }
-STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), told_as=TOLD_AS)
+STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), labels=LABELS)

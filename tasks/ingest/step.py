@@ -6,6 +6,7 @@ from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.image_mode import FULL_FRAME
 from catalog.observation import Frame
+from catalog.reasons import Reason
 from tasks.fields import CameraField, Content, Json
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.plain import plain
@@ -53,14 +54,16 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
     frame = frame_of(inputs.image, files)
     if frame.camera is None:
         raise RefusedError(
-            "camera-unknown",
+            Reason.CAMERA_UNKNOWN,
             f"image {frame.path}: its label names no camera of the catalog.",
             "Give --camera NAME (see `planetpose cameras`) or --camera FILE.toml.",
         )
     if frame.target is None:
         fault = frame.unclear.get("target", "its label names no target")
         raise RefusedError(
-            "target-unknown", f"image {frame.path}: {fault}.", "Say which body is meant: --target NAME or FILE.toml."
+            Reason.TARGET_UNKNOWN,
+            f"image {frame.path}: {fault}.",
+            "Say which body is meant: --target NAME or FILE.toml.",
         )
     return IngestResult(
         product=frame.product,
@@ -95,7 +98,7 @@ STEP = StepType(
     "ingest",
     run,
     IngestResult,
-    told_as={
+    labels={
         "image.sha256": "image",
         "image.label": "label",
         "image.target": "target",

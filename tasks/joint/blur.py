@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.fit import solve
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve
 from tasks.joint.parameters import State
 from tasks.joint.settings import SmearSettings
-from tasks.joint.solve import Solution
 
 Array = NDArray[np.float64]
 

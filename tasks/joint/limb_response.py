@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_errors import RELIEF_ARC_DEG
-from tasks.joint.fit import scaled_inverse
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import scaled_inverse
 from tasks.joint.parameters import NAMES, OFFSET
-from tasks.joint.solve import Solution
 from tasks.joint.tiles import LOCAL
 
 Array = NDArray[np.float64]

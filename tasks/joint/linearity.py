@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.bending import response_to
-from tasks.joint.fit import solve
+from tasks.joint.beam_bending import response_to
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve
 from tasks.joint.parameters import NAMES
-from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import covariance_of_all
 
 Array = NDArray[np.float64]

@@ -14,26 +14,36 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import vector_deg_from_rotation
 from tasks.attitude.markings import (
     CONFLICT_SIGMAS,
     Markings,
+    compared_markings,
     evidence_of,
     is_borne_out,
-    judged,
     measurements,
     mismatch_of,
 )
 from tasks.attitude.texture import Texture, texture_of
-from tasks.joint.estimate import Estimate
+from tasks.joint.coarse_to_fine import Estimate
 from tasks.joint.outline import outline_spread
 from tasks.joint.parameters import ATTITUDE, PSF, State, difference
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
 # From a start and with or without the orientation held: the estimate, and what is told where the limb leads.
-Told = dict[str, Any]
-Solve = Callable[[State, bool], tuple[Estimate, Told | None]]
+Evidence = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Solvers:
+    """solve: the estimate from a start, with the body's turn held or not. lead: an estimate as the limb leads it, if it
+    does, and the report of that (see `updated_by_limb`)."""
+
+    solve: Callable[[State, bool], Estimate]
+    lead: Callable[[Estimate], tuple[Estimate, Evidence | None]]
+
 
 # A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
 # predicted orientation, or where it moves the middle of the disk by less than so many pixels.
@@ -68,34 +78,37 @@ class Orientation:
 
 def oriented(
     observation: Observation,
-    solve: Solve,
+    solvers: Solvers,
     start: State,
     metadata: State,
     sigmas: Array,
     scene: Scene,
     markings_match: bool,
     is_held: bool,
-) -> tuple[Estimate, Told | None, Orientation]:
-    """The estimate of `solve` from `start` with the orientation that the image bears out, what the limb told, and the
+) -> tuple[Estimate, Evidence | None, Orientation]:
+    """The estimate from `start` with the orientation that the image bears out, what the limb told, and the
     verdict.
 
     sigmas: (8,) of the priors. markings_match: False where the markings are already known not to be the map's. is_held:
     whether the user holds the attitude.
     """
-    estimate, led = solve(start, is_held)
+    found = solvers.solve(start, is_held)
+    estimate, led = solvers.lead(found)
     prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
     if np.ptp(scene.basemap.albedo) == 0:
         return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
-    verdict, texture = judged_at(observation, estimate.state.pose, scene, prior_deg)
+    verdict, texture = markings_and_texture(observation, estimate.state.pose, scene, prior_deg)
     if is_held:
         return estimate, led, Orientation(verdict, "prior")
     if verdict.better_deg is not None:
         elsewhere = estimate.state.moved(step_of(verdict.better_deg), scene.camera)
         if within_prior(elsewhere.pose, metadata.pose, prior_deg):
-            again, led_again = solve(elsewhere, False)
-            verdict_again, texture_again = judged_at(observation, again.state.pose, scene, prior_deg)
+            found_again = solvers.solve(elsewhere, False)
+            again, led_again = solvers.lead(found_again)
+            verdict_again, texture_again = markings_and_texture(observation, again.state.pose, scene, prior_deg)
             if verdict_again.verdict == "matched" and (verdict_again.sigmas or 0) > (verdict.sigmas or 0):
-                estimate, led, verdict, texture = again, led_again, verdict_again, texture_again
+                found, estimate, led = found_again, again, led_again
+                verdict, texture = verdict_again, texture_again
     turn = turn_between(estimate.state.pose, metadata.pose)
     turn_deg = vector_deg_from_rotation(turn)
     angle = float(np.linalg.norm(turn_deg))
@@ -108,15 +121,17 @@ def oriented(
             estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
-    held, led_held = solve(predicted, True)
-    verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
+    held, led_held = solvers.lead(solvers.solve(predicted, True))
+    verdict_there, _ = markings_and_texture(observation, held.state.pose, scene, prior_deg)
     # Two orientations that both fail are no match, and what no flow could follow is none either.
     if not markings_match and verdict_there.verdict == "undetermined":
         verdict_there = replace(verdict_there, verdict="mismatched")
     known = Orientation(verdict_there, "prior", angle, gain)
     if verdict_there.verdict == "mismatched":
         # Markings that are not the image's pull a body that is held at them; one that was free has turned them away.
-        return with_prior(turned_back(estimate, metadata.pose), held, sigmas, False, scene), led, known
+        # Turned back it has another outline, which the limb leads anew.
+        back, led_back = solvers.lead(turned_back(found, metadata.pose))
+        return with_prior(back, held, sigmas, False, scene), led_back, known
     return with_prior(held, estimate, sigmas, False, scene), led_held, known
 
 
@@ -129,10 +144,12 @@ def turned_back(estimate: Estimate, predicted: Pose) -> Estimate:
     return replace(estimate, state=state, free_state=free)
 
 
-def judged_at(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> tuple[Markings, Texture | None]:
+def markings_and_texture(
+    observation: Observation, pose: Pose, scene: Scene, prior_deg: float
+) -> tuple[Markings, Texture | None]:
     """The verdict at a pose, and the texture that it is about."""
     texture = texture_of(observation, pose, scene)
-    return (Markings("undetermined") if texture is None else judged(texture, prior_deg)), texture
+    return (Markings("undetermined") if texture is None else compared_markings(texture, prior_deg)), texture
 
 
 def step_of(turn_deg: Array) -> Array:
@@ -202,7 +219,8 @@ def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | N
     if turn_deg <= CONFLICT_SIGMAS * prior_deg or is_borne_out(verdict):
         return None
     return (
-        f"orientation-conflict: the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
+        f"{Reason.ORIENTATION_CONFLICT}: "
+        f"the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
         f"(1 sigma), and its markings bear that out by only {verdict.sigmas:.1f} sigmas. Check body_from_j2000."
     )
 

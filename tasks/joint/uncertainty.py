@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from catalog.camera import Camera
 from catalog.target import Target
-from tasks.joint.fit import Fit, Problem, scaled_inverse
+from tasks.joint.normal_equations import Fit, LinearProblem, scaled_inverse
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
 from tasks.joint.settings import SystematicSettings
 
@@ -25,12 +25,12 @@ MOST_LOST = 0.5
 INDEPENDENT_LIMBS = 9
 
 
-def covariance(problem: Problem, fit: Fit) -> Array:
+def covariance(problem: LinearProblem, fit: Fit) -> Array:
     """Covariance (8, 8) of the unknowns that move the image, see `covariance_of_all`."""
     return covariance_of_all(problem, fit)[-MOVING:, -MOVING:]
 
 
-def covariance_of_all(problem: Problem, fit: Fit) -> Array:
+def covariance_of_all(problem: LinearProblem, fit: Fit) -> Array:
     """Covariance (n, n) of all columns' values when the residuals of neighbouring tiles may all err together
     (cluster-robust sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
@@ -44,7 +44,7 @@ def covariance_of_all(problem: Problem, fit: Fit) -> Array:
     return np.asarray(sandwich * np.outer(ratio, ratio))
 
 
-def _scores(problem: Problem, fit: Fit) -> Array:
+def _scores(problem: LinearProblem, fit: Fit) -> Array:
     """Each cluster's pull on the unknowns (clusters, n): groups of tiles of the disk, squares of the sky."""
     ny, nx = problem.image.shape
     pull = (fit.weight * fit.residual).ravel()
@@ -105,7 +105,7 @@ def of_the_camera(camera: Camera) -> Array:
 
 
 @dataclass(frozen=True)
-class Untold:
+class PriorDominated:
     """A direction of the unknowns that the image tells less about than the metadata: combination (8,), in units of the
     prior's sigmas, and the image's own sigma over the prior's."""
 
@@ -118,7 +118,7 @@ class Untold:
         return {"direction": parts, "image_sigma_over_prior": None if np.isinf(self.ratio) else round(self.ratio, 3)}
 
 
-def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.bool_]) -> list[Untold]:
+def prior_dominated_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.bool_]) -> list[PriorDominated]:
     """Directions in which the prior, of 1-sigma `sigmas` (8,), says more than the image; by singular values of the
     image's information about the unknowns that have a prior, the others eliminated.
 
@@ -143,5 +143,5 @@ def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.b
         if value < 1:
             direction = np.zeros(MOVING)
             direction[names] = vector
-            found.append(Untold(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
+            found.append(PriorDominated(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
     return found

@@ -6,6 +6,7 @@ from typing import Any
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Observation
+from catalog.reasons import Reason
 from tasks.undistort.bending import bending_field
 from tasks.undistort.choose import SeenMarks, chosen_model, table_of
 from tasks.undistort.mark_fill import filled
@@ -65,7 +66,7 @@ def _refuse_other_size(observation: Observation, size_px: tuple[int, int], camer
     rows, columns = observation.image.shape
     if (columns, rows) != tuple(size_px):
         raise RefusedError(
-            "frame-size",
+            Reason.FRAME_SIZE,
             f"the image has {columns}x{rows} pixels, the {frame} frame of {camera.name} {size_px[0]}x{size_px[1]}.",
             "Give the right --camera, or a camera file with this size.",
         )

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.model import Identity, PointMap, Points, solve_points
 
 
@@ -104,7 +105,7 @@ def optics_model(name: str, camera: Camera, parameters: dict[str, Any]) -> Optic
         return Identity(camera.size_px)
     if name not in _FORWARD:
         raise RefusedError(
-            "distortion-unknown",
+            Reason.DISTORTION_UNKNOWN,
             f"camera {camera.name} names the distortion model {name!r}.",
             f"Known are {', '.join(OPTICS_NAMES)} and reseau.",
         )
@@ -112,7 +113,7 @@ def optics_model(name: str, camera: Camera, parameters: dict[str, Any]) -> Optic
         forward, is_distort = _FORWARD[name](camera, parameters)
     except KeyError as error:
         raise RefusedError(
-            "distortion-incomplete",
+            Reason.DISTORTION_INCOMPLETE,
             f"camera {camera.name}: distortion {name} lacks the parameter {error.args[0]}.",
             "Add it to the camera file's [distortion] section, or choose another model.",
         ) from error

@@ -98,5 +98,5 @@ STEP = StepType(
     UndistortResult,
     UndistortSettings,
     changes=frozenset({"image"}),
-    told_as={"mask": "mask", "reseau_tables": "catalog: reseau tables"},
+    labels={"mask": "mask", "reseau_tables": "catalog: reseau tables"},
 )

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from catalog.settings import PROJECT_ROOT
-from flows.inputs import judgement_version
+from flows.inputs import verdict_version
 from tasks.code_version import PACKAGES, Sources
 from tasks.registry import STEPS
 from tasks.source_code import read_source
@@ -154,7 +154,7 @@ def every_module(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def test_the_judgement_has_all_that_the_flow_of_an_image_imports_beside_the_steps() -> None:
-    assert len(judgement_version()) == 16
+    assert len(verdict_version()) == 16
     bodies = frozenset(step.module for step in STEPS) | {"tasks.registry"}
     reached = Sources(PROJECT_ROOT).reached_from("flows.image", bodies)
     needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "flows.profile", "flows.settling"}

@@ -141,7 +141,7 @@ def test_changed_code_of_a_step_or_of_the_verdict_is_named(
     assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of point")
     monkeypatch.setattr(step_module, "code_version", ours)
     assert wanted(settings) == {}
-    monkeypatch.setattr(inputs, "judgement_version", lambda: "another")
+    monkeypatch.setattr(inputs, "verdict_version", lambda: "another")
     assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of the verdict")
 
 

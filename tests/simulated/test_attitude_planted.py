@@ -138,7 +138,7 @@ def test_weak_markings_do_not_outweigh_the_prior(
     from tasks.attitude.markings import Markings
 
     weak = Markings("undetermined") if sigmas is None else Markings("matched", 0.5, sigmas)
-    monkeypatch.setattr(solve, "judged_markings", lambda *_: weak)
+    monkeypatch.setattr(solve, "markings_at_pose", lambda *_: weak)
     settings = AttitudeSettings(max_deg=max_deg)
     reason = solve.why_not_so_far(observation, TRUTH, 3 * AXIS, SCENE, settings, prior_deg)
     assert (reason is None) == believed

@@ -22,8 +22,8 @@ from lab.simulate.small_world import (
 )
 from lab.simulate.surface import TrueSurface
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bound import cramer_rao
-from tasks.joint.estimate import estimated, prior_sigmas
+from tasks.joint.coarse_to_fine import estimated, prior_sigmas
+from tasks.joint.cramer_rao import cramer_rao
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
 from tasks.joint.settings import PriorSettings, SystematicSettings
 from tasks.simulate import Scene

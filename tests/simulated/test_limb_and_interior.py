@@ -11,7 +11,7 @@ from simulated_world import EUROPA, PEAK_DN, SKY_DN, observed, scene_of, small_c
 from catalog.basemap import BaseMap
 from catalog.pose import Pose
 from tasks.joint import JointSettings
-from tasks.joint.estimate import Estimate, estimated, prior_sigmas, without_markings
+from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas, without_markings
 from tasks.joint.limb_response import limb_response
 from tasks.joint.parameters import OFFSET, RANGE, State, difference
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb

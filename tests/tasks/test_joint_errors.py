@@ -11,12 +11,12 @@ from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.attitude.texture import texture_of
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bending import DistortionError
-from tasks.joint.estimate import estimated, prior_sigmas
+from tasks.joint.beam_bending import DistortionError
+from tasks.joint.coarse_to_fine import estimated, prior_sigmas
 from tasks.joint.orientation import ABOUT_PX, ACROSS_PX, with_least_error
 from tasks.joint.parameters import ATTITUDE, OFFSET, PSF, RANGE, State
-from tasks.joint.scale import Scale, width_in_frame_px
-from tasks.joint.tiles import limb_gain
+from tasks.joint.pyramid import Level, width_in_frame_px
+from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import of_the_body, systematic, times_usual
 
 ONCE = JointSettings(second_start=False)
@@ -120,7 +120,7 @@ def test_what_a_map_gets_wrong_of_the_limbs_brightness_is_seen(noise: float, lea
     seen = observation_of(replace(scene, basemap=replace(scene.basemap, albedo=wrong.astype(np.float32))), truth)
     start = State(truth, camera.psf_sigma_px)
     found = estimated(seen, start, start, prior_sigmas(ONCE.priors.file), scene, ONCE).free
-    gain = limb_gain(found.fit, found.trust.tiles, found.model.tiles.sectors, ONCE.tiles)
+    gain = limb_gain(found.fit, found.variances.tiles, found.model.tiles.sectors, ONCE.tiles)
     print(f"\nnoise of the map {noise}: gains along the limb {gain:.4f}")
     assert least <= gain <= most
 
@@ -148,7 +148,7 @@ def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across() -> Non
 def test_scales_convert_states_and_displacements() -> None:
     camera = small_camera(120.0, (176, 176))
     scene, truth = scene_of(camera), true_pose(camera)
-    scale = Scale.of(observation_of(scene, truth), scene, State(truth, 0.9), 60.0)
+    scale = Level.of(observation_of(scene, truth), scene, State(truth, 0.9), 60.0)
     assert scale.n == 2
     assert scale.up(scale.down(State(truth, 0.9))).psf_sigma_px == pytest.approx(0.9)
     assert scale.planes_down(np.full((2, 176, 176), 0.4, np.float32)) == pytest.approx(np.full((2, 88, 88), 0.2))

@@ -9,9 +9,9 @@ import pytest
 from catalog.observation import Observation
 from lab.simulate.small_world import clean_image, observed, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, estimate
-from tasks.joint.estimate import DISAGREEMENT_PX, Estimate, estimated, prior_sigmas, second_start
+from tasks.joint.coarse_to_fine import DISAGREEMENT_PX, Estimate, estimated, prior_sigmas, second_start
+from tasks.joint.gauss_newton import Solution
 from tasks.joint.parameters import ROLL, State
-from tasks.joint.solve import Solution
 
 SETTINGS = JointSettings(oversample=2)
 SIGMAS = prior_sigmas(SETTINGS.priors.file)

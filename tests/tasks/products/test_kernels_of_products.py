@@ -14,7 +14,7 @@ from flows.kernels import kernels_of
 from tasks.kernels.exposure import read_exposure
 from tasks.kernels.round_trip import largest_difference_deg, spice_planes
 from tasks.kernels.write import write_kernel_set
-from tasks.project.planes import ANGLES
+from tasks.project.backplanes import ANGLES
 from tasks.publish import publish
 from tasks.publish.cube import open_cube
 

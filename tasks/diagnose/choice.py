@@ -5,12 +5,13 @@ from scipy.special import ndtri
 
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from catalog.reasons import Reason
+from tasks.diagnose.diagnosis import OTHER, Diagnosis, diagnosis_for, map_diagnosis
 from tasks.diagnose.evidence import better_by, better_than_sky
 from tasks.diagnose.obstacles import covered_limb
 from tasks.diagnose.others import without_others
 from tasks.diagnose.settings import DiagnoseSettings
-from tasks.diagnose.telling import OTHER, Diagnosis, told_of, told_of_map
-from tasks.diagnose.trying import Explanation, Tried
+from tasks.diagnose.trials import Explanation, Tried
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.validate.blocks import blocks_of
@@ -49,9 +50,9 @@ def diagnosis_of(all_tried: Tried, predicted: Pose, scene: Scene, settings: Diag
     if best is None:
         return None
     if best.candidate.name != "as-predicted" or abs(best.size - 1) > settings.same_size:
-        return told_of(best, predicted, scene, settings)
+        return diagnosis_for(best, predicted, scene, settings)
     if np.ptp(scene.basemap.albedo) > 0 and (best.markings is None or best.markings < settings.markings):
-        return told_of_map(best, scene)
+        return map_diagnosis(best, scene)
     return None
 
 
@@ -93,7 +94,7 @@ def incomplete_frame(observation: Observation, scene: Scene, settings: DiagnoseS
     if share < settings.incomplete:
         return None
     return Diagnosis(
-        "frame-incomplete",
+        Reason.FRAME_INCOMPLETE,
         f"{share:.0%} of the frame's pixels are missing or flagged as bad, and the rest shows too little of "
         f"{scene.target.name} and its limb.",
         "Give the whole frame.",
@@ -107,7 +108,7 @@ def compressed(observation: Observation, settings: DiagnoseSettings) -> Diagnosi
     if blocks is None or blocks <= settings.blocks:
         return None
     return Diagnosis(
-        "compression-blocks",
+        Reason.COMPRESSION_BLOCKS,
         f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at their edges as "
         "elsewhere), and nothing else explains it.",
         "Take a version with less compression.",

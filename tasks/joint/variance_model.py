@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.data import Data
-from tasks.joint.fit import Fit
+from tasks.joint.cutout import Cutout
 from tasks.joint.model import Model
+from tasks.joint.normal_equations import Fit
 from tasks.joint.settings import JointSettings
-from tasks.joint.tiles import first_prior, learned_prior
+from tasks.joint.tile_prior import first_prior, learned_prior
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -28,7 +28,7 @@ STEEP_SHARE = 0.3
 
 
 @dataclass(frozen=True)
-class Trust:
+class VarianceModel:
     """relative: error of the model's brightness, 1-sigma. dusk: the same at the terminator, where laws and relief are
     trusted least. edge_px: error of places in the image. shared: how many
     neighbouring pixels of the disk err together. sky: the factor by which the sky's variance exceeds its noise's,
@@ -43,13 +43,13 @@ class Trust:
     tiles: Array
 
     @classmethod
-    def at_first(cls, model: Model, settings: JointSettings) -> "Trust":
+    def at_first(cls, model: Model, settings: JointSettings) -> "VarianceModel":
         """Before anything is known."""
         return cls(
             RELATIVE_ERROR, DUSK_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles)
         )
 
-    def learned(self, model: Model, data: Data, weights: Array, fit: Fit, settings: JointSettings) -> "Trust":
+    def learned(self, model: Model, data: Cutout, weights: Array, fit: Fit, settings: JointSettings) -> "VarianceModel":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
         bright = model.brightness(weights)
         noise = np.sqrt(data.variance)
@@ -70,9 +70,9 @@ class Trust:
         dusk = DUSK_ERROR * min(1.0, float(tiles[-1, 0]) ** -0.5 / DUSK_GAIN)
         disk = model.tiles.label >= 0
         sky = _excess(fit.residual, data.variance, ~disk & data.usable) * _shared(fit, ~disk)
-        return Trust(relative, dusk, edge, _shared(fit, disk), sky, tiles)
+        return VarianceModel(relative, dusk, edge, _shared(fit, disk), sky, tiles)
 
-    def weight(self, model: Model, data: Data, weights: Array, settings: JointSettings) -> Image:
+    def weight(self, model: Model, data: Cutout, weights: Array, settings: JointSettings) -> Image:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
         trust near the terminator."""
         bright = model.brightness(weights)
@@ -84,7 +84,7 @@ class Trust:
         return np.where(data.usable, 1 / np.maximum(variance * together, 1e-12), 0).astype(np.float32)
 
 
-def _at_dusk(model: Model, data: Data, bright: Image, settings: JointSettings) -> Image:
+def _at_dusk(model: Model, data: Cutout, bright: Image, settings: JointSettings) -> Image:
     """Brightness (ny, nx) that is not trusted: near the terminator, fading away from it."""
     inside = (model.coverage > 0.99) & data.usable
     typical = np.float32(np.percentile(bright[inside], 50) if inside.any() else 1.0)

@@ -14,7 +14,7 @@ Image = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
-class Data:
+class Cutout:
     """An observation cut to a window that may leave the frame. behind: what the target hides of a body behind it, under
     the window, or None; the image is then without its light."""
 

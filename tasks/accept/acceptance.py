@@ -4,24 +4,27 @@ import numpy as np
 
 from catalog.errors import FailedError, PlanetposeError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
 from tasks.validate.limb import LimbFigures
 from tasks.validate.step import OrientationReport
 from tasks.validate.sun import SunReport
 
-BEHIND = "target-behind-camera"
+BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
+# A limb cannot show a narrower PSF than this.
+LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
     "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km."
 )
 
 
-def believe(accept: AcceptSettings, limb: LimbFigures) -> None:
+def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
     """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
     points, likeness = limb.points, limb.likeness
     if likeness < accept.min_likeness:
         raise FailedError(
-            "image-unlike-simulation",
+            Reason.IMAGE_UNLIKE_SIMULATION,
             f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
@@ -31,13 +34,13 @@ def believe(accept: AcceptSettings, limb: LimbFigures) -> None:
         if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
         raise FailedError(
-            "limb-not-measured",
+            Reason.LIMB_NOT_MEASURED,
             f"{measured}, so nothing bears the corrected pose out.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
     if is_off(accept, limb, accept.max_limb_rms_px):
         raise FailedError(
-            "limb-does-not-fit",
+            Reason.LIMB_DOES_NOT_FIT,
             f"the corrected limb is {off_in_words(limb)} from the image's, allowed {accept.max_limb_rms_px:g} px.",
             "Check camera, target and range; accept.max_limb_rms_px of the profile is the limit.",
         )
@@ -54,7 +57,7 @@ def doubtful_likeness(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     if likeness >= accept.sure_likeness:
         return None
     return (
-        f"image-unlike-simulation: image and simulation correlate by only {likeness:.2f} (sure from "
+        f"{Reason.IMAGE_UNLIKE_SIMULATION}: image and simulation correlate by only {likeness:.2f} (sure from "
         f"{accept.sure_likeness:g}). Check Sun direction, base map and the picture."
     )
 
@@ -64,7 +67,7 @@ def doubtful_limb(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     if not is_off(accept, limb, accept.sure_limb_rms_px):
         return None
     return (
-        f"limb-disagrees: markings and brightness put the limb {off_in_words(limb)} from where the image "
+        f"{Reason.LIMB_DISAGREES}: markings and brightness put the limb {off_in_words(limb)} from where the image "
         f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
         "trusts the limb alone."
     )
@@ -78,7 +81,7 @@ def doubtful_sun(accept: AcceptSettings, sun: SunReport) -> str | None:
     if not across and not contradicts(sun.phase_deg, sun.phase_sigma_deg, accept.sun_phase_deg):
         return None
     return (
-        f"sun-direction-disagrees: shading and terminator put the Sun {sun.azimuth_deg:+.0f} deg (1-sigma "
+        f"{Reason.SUN_DIRECTION_DISAGREES}: shading and terminator put the Sun {sun.azimuth_deg:+.0f} deg (1-sigma "
         f"{sun.azimuth_sigma_deg:.1f}) about the line of sight, from +x towards +y, and {sun.phase_deg:+.0f} deg "
         f"({sun.phase_sigma_deg:.1f}) of phase from where the metadata have it. Check sun_from_target_km, the "
         "camera's roll, and whether the picture is flipped."
@@ -96,8 +99,22 @@ def doubtful_blur(accept: AcceptSettings, limb: LimbFigures) -> str | None:
     if blur is None or blur <= accept.sure_blur:
         return None
     return (
-        f"image-blurred: the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
+        f"{Reason.IMAGE_BLURRED}: "
+        f"the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
         "motion, focus or an atmosphere, or the camera's psf_sigma_px is too small. Check picture and camera file."
+    )
+
+
+def doubtful_psf(accept: AcceptSettings, solved_px: float | None, limb: LimbFigures) -> str | None:
+    """The doubt that a solution raises whose PSF, of 1-sigma `solved_px`, is much wider than the image's own limb: it
+    has blurred what its simulation gets wrong, shading, markings or the Sun."""
+    shown = limb.psf_sigma_px
+    if solved_px is None or shown is None or solved_px <= accept.sure_psf * max(shown, LEAST_PSF_PX):
+        return None
+    return (
+        f"{Reason.PSF_DISAGREES}: markings and brightness are fitted best with a PSF of {solved_px:.1f} px (1-sigma), "
+        f"and the limb in the image is as sharp as by one of {shown:.1f} px. Check base map, Sun direction and "
+        "orientation."
     )
 
 
@@ -106,7 +123,8 @@ def doubtful_blocks(accept: AcceptSettings, blocks: float | None) -> str | None:
     if blocks is None or blocks <= accept.sure_blocks:
         return None
     return (
-        f"compression-blocks: the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large "
+        f"{Reason.COMPRESSION_BLOCKS}: "
+        f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large "
         "at their edges as elsewhere). Take a version with less compression."
     )
 
@@ -137,8 +155,8 @@ def refuse_doubtful_behind(predicted: Pose, doubts: list[str]) -> None:
     """Raise FailedError where something speaks against a corrected pose whose predicted one looks away from the
     target: nothing then tells which way up the camera was."""
     if doubts and is_behind(predicted):
-        told = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
-        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {told}.", BEHIND_REMEDY)
+        faults = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
+        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {faults}.", BEHIND_REMEDY)
 
 
 def is_behind(predicted: Pose) -> bool:

@@ -31,9 +31,9 @@ from tasks.validate.sun import sun_in_image
 
 Progress = Callable[[str, int, str], None]
 MIN_OVERLAP = 0.25
-SETTLING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
+REFINING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
 # Each explanation changes one thing: where that is not the size, the disk may grow by no more than metadata err.
-SETTLING_AS_LARGE = SETTLING.model_copy(update={"limit": 0.1})
+REFINING_AT_SIZE = REFINING.model_copy(update={"limit": 0.1})
 SIZED = ("as-predicted", "size")
 REGISTERING = PointSettings(coarse=False, stop_px=0.3)
 VALIDATE = ValidateSettings()
@@ -67,7 +67,7 @@ class Explanation:
     fault: str | None
     fit: Fit | None = field(repr=False)
 
-    def told(self, scene: Scene) -> dict[str, Any]:
+    def to_dict(self, scene: Scene) -> dict[str, Any]:
         """As JSON values."""
         found = {key: getattr(self, key) for key in ("score", "likeness", "markings", "size", "limb_px", "limb_share")}
         return {
@@ -109,7 +109,7 @@ def tried(
         if progress:
             progress("diagnose", number, f"{candidate.name}: {find.score:.2f}")
         if candidate.name == "as-predicted" or find.score >= max(worth, settings.least_score):
-            found.append(settled(candidate, find, pose, plain, scene, settings, compared))
+            found.append(refined(candidate, find, pose, plain, scene, settings, compared))
     radius = disk_radius_px(pose, scene.camera, scene.target)
     places = int(observation.image.size / max(np.pi * radius**2, 1.0)) + 1
     return Tried(found, sum(len(family) for family in all_families), places)
@@ -135,7 +135,7 @@ def frame_step(scene: Scene, radius_px: float, settings: DiagnoseSettings) -> in
     return max(1, int(min(enough, radius_px / 4)))
 
 
-def settled(
+def refined(
     candidate: Candidate,
     found: CoarseFind,
     predicted: Pose,
@@ -149,7 +149,7 @@ def settled(
     observation = reduced_observation(candidate.observation, n)
     small, mapped = reduced_scene(candidate.seen_by(plain), n), reduced_scene(candidate.seen_by(scene), n)
     coarse = small.coarser(found.pose, ACROSS)
-    how = SETTLING if candidate.name in SIZED else SETTLING_AS_LARGE
+    how = REFINING if candidate.name in SIZED else REFINING_AT_SIZE
     pose, fault = at_rest(observation, found.pose, coarse, how)
     if candidate.name == "sun" and fault is None:
         pose, fault = with_sun_of_image(observation, pose, coarse)
@@ -173,7 +173,7 @@ def settled(
 
 
 def at_rest(
-    observation: Observation, pose: Pose, scene: Scene, how: LimbRangeSettings = SETTLING_AS_LARGE
+    observation: Observation, pose: Pose, scene: Scene, how: LimbRangeSettings = REFINING_AT_SIZE
 ) -> tuple[Pose, str | None]:
     """Centre and range by the limb; where it is not measured the centre by all pixels, and why."""
     try:

@@ -24,7 +24,7 @@ def width_in_frame_px(scene: Scene, pose: Pose) -> float:
 
 
 @dataclass(frozen=True)
-class Scale:
+class Level:
     """observation and scene with n x n of the image's pixels as one."""
 
     n: int
@@ -32,7 +32,7 @@ class Scale:
     scene: Scene
 
     @classmethod
-    def of(cls, observation: Observation, scene: Scene, state: State, diameter_px: float) -> "Scale":
+    def of(cls, observation: Observation, scene: Scene, state: State, diameter_px: float) -> "Level":
         """The one at which the part of the disk at `state` that is in the frame has about as many pixels as a whole one
         of `diameter_px`, or the image itself."""
         n = max(1, round(width_in_frame_px(scene, state.pose) / diameter_px))

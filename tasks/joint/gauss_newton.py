@@ -8,15 +8,16 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
+from catalog.reasons import Reason
 from tasks.compare.match import framed_window
 from tasks.compare.occulted import light_behind
-from tasks.joint.data import Data
-from tasks.joint.fit import Fit, Problem, solve
+from tasks.joint.cutout import Cutout
 from tasks.joint.model import Model, linear_model
+from tasks.joint.normal_equations import Fit, LinearProblem, solve
 from tasks.joint.parameters import ATTITUDE, GROUPS, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
 from tasks.joint.tiles import LOCAL, Layout, Tiles, layout_for, tiles_of
-from tasks.joint.trust import Trust
+from tasks.joint.variance_model import VarianceModel
 from tasks.simulate import Scene
 from tasks.simulate.window import Window, disk_radius_px
 
@@ -38,7 +39,7 @@ TRAIL_STILL_PX = 0.03
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Tiles lie still while the disk moves under them by no more: the cost would jump where pixels change tiles.
 STALE_PX = 0.7
-# Trust is learned after so many steps, no more: trust and solution could alternate between two answers for ever.
+# The variances are learned after so many steps, no more: they and the solution could alternate for ever.
 LEARNING = 4
 
 
@@ -50,14 +51,14 @@ class Solution:
 
     state: State
     fit: Fit
-    problem: Problem
+    problem: LinearProblem
     model: Model
-    data: Data
+    data: Cutout
     held: NDArray[np.bool_]
     history: list[Array]
     left: Array
     converged: bool
-    trust: Trust
+    variances: VarianceModel
 
 
 def solve_joint(
@@ -85,20 +86,21 @@ def solve_joint(
     radius = disk_radius_px(start.pose, camera, scene.target)
     layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
     model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind)
-    trust = warm.trust if warm else Trust.at_first(model, settings)
+    variances = warm.variances if warm else VarianceModel.at_first(model, settings)
     weights = first_weights(model, data, settings)
     linear = solve(
-        linear_problem(model, data, weights, trust.tiles, settings), trust.weight(model, data, weights, settings)
+        linear_problem(model, data, weights, variances.tiles, settings),
+        variances.weight(model, data, weights, settings),
     )
     weights = linear.values[: len(model.bases)]
     history: list[Array] = []
     while True:
-        weight = trust.weight(model, data, weights, settings)
+        weight = variances.weight(model, data, weights, settings)
         moving = model.derivatives(weights, linear.gain)
         moving[held] = 0
         smear = model.trail_columns(weights, linear.gain)
         done = difference(model.state, metadata, camera)
-        problem = linear_problem(model, data, weights, trust.tiles, settings)
+        problem = linear_problem(model, data, weights, variances.tiles, settings)
         problem = replace(
             problem,
             columns=np.concatenate([problem.columns, smear, moving]),
@@ -114,12 +116,12 @@ def solve_joint(
         step, lengthened = share * full, share * lengthening
         error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
         if progress:
-            progress("joint", len(history) + 1, told(step))
+            progress("joint", len(history) + 1, step_text(step))
         converged = bool((np.abs(step) < np.maximum(AT_REST * error, STILL)).all())
         converged = converged and bool((np.abs(lengthened) < TRAIL_STILL_PX).all())
         if converged or len(history) == settings.max_iterations:
             break
-        line = Line(data, weight, trust.tiles, metadata, sigmas, held, scene, settings)
+        line = Line(data, weight, variances.tiles, metadata, sigmas, held, scene, settings)
         found = line.lower(model, step, lengthened, fit)
         if found is None:
             converged = bool((NEGLECTED * np.abs(step) < np.maximum(error, LOOSE)).all())
@@ -128,16 +130,16 @@ def solve_joint(
         weights = linear.values[: len(model.bases)]
         history.append(taken)
         if len(history) <= LEARNING:
-            trust = trust.learned(model, data, weights, linear, settings)
+            variances = variances.learned(model, data, weights, linear, settings)
         fresh = tiles_at(model.state, scene, window, layout)
         if fresh.away_px(model.tiles) > STALE_PX:
             model = replace(model, tiles=fresh)
-    return Solution(model.state, fit, problem, model, data, held, history, step, converged, trust)
+    return Solution(model.state, fit, problem, model, data, held, history, step, converged, variances)
 
 
-def data_at(observation: Observation, state: State, scene: Scene, window: Window) -> Data:
+def data_at(observation: Observation, state: State, scene: Scene, window: Window) -> Cutout:
     """The pixels under a window, and what the target hides of a body behind it."""
-    return Data(observation, window, light_behind(observation, state.pose, scene, window))
+    return Cutout(observation, window, light_behind(observation, state.pose, scene, window))
 
 
 def tiles_at(state: State, scene: Scene, window: Window, layout: Layout) -> Tiles:
@@ -146,7 +148,9 @@ def tiles_at(state: State, scene: Scene, window: Window, layout: Layout) -> Tile
     return tiles_of(window.shape, centre, disk_radius_px(state.pose, scene.camera, scene.target), layout)
 
 
-def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array, settings: JointSettings) -> Problem:
+def linear_problem(
+    model: Model, data: Cutout, weights: Array, local_prior: Array, settings: JointSettings
+) -> LinearProblem:
     """The problem of the linear unknowns alone."""
     columns = model.columns(weights)
     prior = np.zeros(len(columns))
@@ -157,14 +161,16 @@ def linear_problem(model: Model, data: Data, weights: Array, local_prior: Array,
     if model.hides:
         share, sigma = data.hidden_share
         prior[laws - 1], expected[laws - 1] = 1 / (settings.hidden_sigma**2 + sigma**2), share
-    return Problem(data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber)
+    return LinearProblem(
+        data.image, columns, model.local(weights), model.tiles, prior, expected, local_prior, settings.huber
+    )
 
 
 @dataclass(frozen=True)
 class Line:
     """Looks along a step for a lower cost, everything but the state kept."""
 
-    data: Data
+    data: Cutout
     weight: Image
     local_prior: Array
     metadata: State
@@ -208,11 +214,11 @@ def line_of(
     """By what `solution` was judged, to judge other states with: arguments as of `solve_joint`."""
     data = replace(solution.data, observation=observation)
     weights = solution.fit.values[: len(solution.model.bases)]
-    weight = solution.trust.weight(solution.model, data, weights, settings)
-    return Line(data, weight, solution.trust.tiles, metadata, sigmas, solution.held, scene, settings)
+    weight = solution.variances.weight(solution.model, data, weights, settings)
+    return Line(data, weight, solution.variances.tiles, metadata, sigmas, solution.held, scene, settings)
 
 
-def told(step: Array) -> str:
+def step_text(step: Array) -> str:
     """The step for the progress display."""
     return (
         f"moved {np.hypot(*step[OFFSET]):.3f} px, range {step[RANGE]:+.5f}, roll {step[ROLL]:+.3f} deg, "
@@ -220,11 +226,11 @@ def told(step: Array) -> str:
     )
 
 
-def first_weights(model: Model, data: Data, settings: JointSettings) -> Array:
+def first_weights(model: Model, data: Cutout, settings: JointSettings) -> Array:
     """Weights of the bases before anything is known of the noise. Raises FailedError when too little is usable."""
     weight = np.where(data.usable, 1 / np.maximum(data.variance + (0.05 * data.bright) ** 2, 1e-12), 0)
     if np.count_nonzero(weight) <= 2 * len(model.bases):
-        raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
+        raise FailedError(Reason.NO_USABLE_PIXELS, "no usable pixels lie under the simulated target.")
     even = np.full(len(model.bases), data.bright / len(model.bases))
     problem = linear_problem(model, data, even, np.full((model.tiles.count, LOCAL), 1e18), settings)
     return solve(problem, weight.astype(np.float32)).values[: len(model.bases)]

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import FailedError
 from catalog.observation import Observation
-from tasks.joint.bending import Bending, DistortionError, told_by_disk
+from tasks.joint.beam_bending import Bending, DistortionError, bending_shown
 from tasks.joint.blur import blurred_start
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.displaced_markings import Displacement, displacement_shown
+from tasks.joint.gauss_newton import Solution, line_of, solve_joint
+from tasks.joint.limb_observation import shown_by
 from tasks.joint.limb_response import limb_response
-from tasks.joint.limb_seen import shown_by
 from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
-from tasks.joint.scale import Scale
+from tasks.joint.pyramid import Level
 from tasks.joint.settings import JointSettings, PriorSettings
-from tasks.joint.solve import Solution, line_of, solve_joint
-from tasks.joint.tiles import limb_gain
+from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -105,8 +105,8 @@ def estimated(
     """Solve with the range free, then weigh it against its prior."""
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
-    first = Scale.of(observation, scene, start, settings.first_diameter_px)
-    scale = Scale.of(observation, scene, start, settings.diameter_px)
+    first = Level.of(observation, scene, start, settings.first_diameter_px)
+    scale = Level.of(observation, scene, start, settings.diameter_px)
     if first.n > scale.n:
         start = first.up(solved_at(first, start, metadata, coarse(settings), free_range, progress).state)
     near = solved_at(scale, start, metadata, coarse(settings), free_range, progress)
@@ -119,10 +119,12 @@ def estimated(
     state = scale.up(free.state)
     radius = disk_radius_px(state.pose, scene.camera, scene.target)
     usual, blur = settings.systematic, state.width_px / scene.psf_sigma_px if scene.psf_sigma_px > 0 else 1.0
-    larger = times_usual(usual, blur, limb_gain(free.fit, free.trust.tiles, free.model.tiles.sectors, settings.tiles))
+    larger = times_usual(
+        usual, blur, limb_gain(free.fit, free.variances.tiles, free.model.tiles.sectors, settings.tiles)
+    )
     bending, of_bending = None, np.zeros((len(NAMES), len(NAMES)))
     if distortion.bending is not None:
-        bending = told_by_disk(free, scale, distortion.bending, settings.bending_px)
+        bending = bending_shown(free, scale, distortion.bending, settings.bending_px)
         state = state.moved(-bending.strength * bending.response, scene.camera)
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
@@ -135,9 +137,9 @@ def estimated(
     by_detector = scale.step_up(linearity.moved)
     common += np.outer(by_detector, by_detector)
     # Where a distortion model tells its own error, that is in the errors already.
-    untold = distortion.bending is None and distortion.smooth_px == 0
+    unmodelled = distortion.bending is None and distortion.smooth_px == 0
     least_px = settings.displaced_px
-    displacement = displacement_shown(free, least_px) if untold and least_px is not None else None
+    displacement = displacement_shown(free, least_px) if unmodelled and least_px is not None else None
     if displacement:
         by_displacement = scale.step_up(displacement.moved)
         common += np.outer(by_displacement, by_displacement)
@@ -146,10 +148,10 @@ def estimated(
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
     estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity, displacement)
-    return weighed(estimate, metadata, sigmas, scene.camera)
+    return with_range_prior(estimate, metadata, sigmas, scene.camera)
 
 
-def shape_shown_px(free: Solution, scale: Scale) -> float:
+def shape_shown_px(free: Solution, scale: Level) -> float:
     """By how much, px RMS, whole arcs of the image's limb lie off the ellipsoid's; 0 where too little is measured."""
     try:
         return shown_by(free, scale, np.zeros(len(NAMES)))[0].coherent_px
@@ -157,7 +159,7 @@ def shape_shown_px(free: Solution, scale: Scale) -> float:
         return 0.0
 
 
-def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:
+def with_range_prior(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) -> Estimate:
     """The estimate with the free range weighed against its prior (one step of a Kalman filter).
 
     A free range that contradicts its prior speaks against the model: the product's errors are those of a covariance
@@ -177,7 +179,7 @@ def weighed(estimate: Estimate, metadata: State, sigmas: Array, camera: Camera) 
 
 
 def solved_at(
-    scale: Scale,
+    scale: Level,
     start: State,
     metadata: State,
     settings: JointSettings,
@@ -228,7 +230,7 @@ def second_start(
     free_range = sigmas.copy()
     free_range[RANGE] = np.inf
     across = min(settings.first_diameter_px, max(SECOND_DIAMETER_PX, radius))
-    scale = Scale.of(observation, scene, start, across)
+    scale = Level.of(observation, scene, start, across)
     quick = coarse(settings).model_copy(update={"max_iterations": SECOND_ITERATIONS})
     # The PSF is no question of where the target is: it is the one that was found.
     found_psf = replace(start, psf_sigma_px=estimate.state.psf_sigma_px, trail_px=estimate.state.trail_px)

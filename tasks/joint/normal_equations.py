@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.robust import huber_cost, huber_weight
 from tasks.compiled import compiled
 from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
@@ -15,7 +16,7 @@ ROUNDS = 2
 
 
 @dataclass(frozen=True)
-class Problem:
+class LinearProblem:
     """image = columns . values + tiles' columns . tiles' values. columns: (n, ny, nx); local: (LOCAL, ny, nx), the
     tiles' columns; prior (n,): inverse variances about expected (n,); local_prior (tiles, LOCAL): about zero."""
 
@@ -35,7 +36,7 @@ class Fit:
     eliminated. information (n, n): the image's part of it. gain (ny, nx): the tiles' factor less one. residual
     (ny, nx): image minus model. weight (ny, nx): inverse variance after down-weighting of outliers. cost: Huber's
     function of the residuals and squares of all priors'. own: (tiles, LOCAL) the tiles' unknowns, own_covariance:
-    (tiles, LOCAL, LOCAL), priors included; told: (tiles,) inverse variance of the gain as the image alone tells it.
+    (tiles, LOCAL, LOCAL), priors included; gain_information: (tiles,) inverse variance of the gain by the image alone.
     by_others: (tiles, LOCAL, n) how much less of them there is for one more of each column."""
 
     values: Array
@@ -47,7 +48,7 @@ class Fit:
     cost: float
     own: Array
     own_covariance: Array
-    told: Array
+    gain_information: Array
     by_others: Array
 
     @property
@@ -56,7 +57,7 @@ class Fit:
         return scaled_inverse(self.normal)
 
 
-def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
+def solve(problem: LinearProblem, weight: Image, start: Image | None = None) -> Fit:
     """Robust least squares with weight (ny, nx), inverse variance, 0 where unusable.
 
     start: residuals (ny, nx) by which the first round is down-weighted.
@@ -83,9 +84,9 @@ def solve(problem: Problem, weight: Image, start: Image | None = None) -> Fit:
         now = _robust(base, residual, problem.huber)
     cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
-    told = inner[:, 0, 0] - problem.local_prior[:, 0]
+    gain_information = inner[:, 0, 0] - problem.local_prior[:, 0]
     gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), told, by_others)
+    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), gain_information, by_others)
 
 
 def scaled_inverse(matrix: Array) -> Array:
@@ -98,12 +99,12 @@ def scaled_inverse(matrix: Array) -> Array:
 
 def _cost(residual: Image, weight: Image, huber: float) -> float:
     size = np.abs(residual) * np.sqrt(weight)
-    return float(np.sum(np.where(size <= huber, size**2, huber * (2 * size - huber)), dtype=np.float64))
+    return float(np.sum(huber_cost(size, huber), dtype=np.float64))
 
 
 def _robust(weight: Image, residual: Image, huber: float) -> Image:
     size = np.abs(residual) * np.sqrt(weight)
-    return weight * np.minimum(1.0, np.float32(huber) / np.maximum(size, np.float32(1e-6)))
+    return np.asarray(weight * huber_weight(size, huber))
 
 
 @compiled

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.fit import solve
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve
 from tasks.joint.parameters import NAMES, OFFSET
-from tasks.joint.scale import Scale
-from tasks.joint.solve import Solution
+from tasks.joint.pyramid import Level
 from tasks.joint.uncertainty import covariance_of_all
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Bending:
     moved_px: float = 0.0
 
 
-def told_by_disk(solution: Solution, scale: Scale, planes: Planes, least_px: float | None) -> Bending:
+def bending_shown(solution: Solution, scale: Level, planes: Planes, least_px: float | None) -> Bending:
     """Strength of the bending from the solution's last linear problem, with the marks' as a prior of 1-sigma.
 
     scale: the solution's. planes: (2, ny, nx) as in `DistortionError`. least_px: smaller displacements (RMS over the

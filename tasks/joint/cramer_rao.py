@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from tasks.compare.match import framed_window
-from tasks.joint.fit import solve
+from tasks.joint.gauss_newton import data_at, first_weights, linear_problem, tiles_at
 from tasks.joint.model import linear_model
+from tasks.joint.normal_equations import solve
 from tasks.joint.parameters import GROUPS, NAMES, State
 from tasks.joint.settings import JointSettings
-from tasks.joint.solve import data_at, first_weights, linear_problem, tiles_at
 from tasks.joint.tiles import LOCAL, layout_for
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px

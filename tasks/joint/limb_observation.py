@@ -9,9 +9,9 @@ from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, mea
 from tasks.compare.limb_errors import coherent_px, shared_along
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match, framed_window, match_scene
+from tasks.joint.gauss_newton import Solution
 from tasks.joint.parameters import NAMES, State
-from tasks.joint.scale import Scale
-from tasks.joint.solve import Solution
+from tasks.joint.pyramid import Level
 from tasks.simulate import Simulation
 
 Array = NDArray[np.float64]
@@ -19,11 +19,11 @@ Array = NDArray[np.float64]
 EDGES = LimbSettings()
 SKY_PX = 16.0
 # Centre and range: what the limb tells.
-TOLD = slice(0, 3)
+OBSERVED = slice(0, 3)
 
 
 @dataclass(frozen=True)
-class LimbAsks:
+class LimbObservation:
     """step (3,) of centre and range that the limb asks for, its covariance (3, 3), how far (px, RMS along the segments)
     it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), and how many parts of it err
     on their own."""
@@ -34,12 +34,12 @@ class LimbAsks:
     coherent_px: float = 0.0
     independent: float = 18.0
 
-    def after(self, moved: Array) -> "LimbAsks":
+    def after(self, moved: Array) -> "LimbObservation":
         """The same from a state that is `moved` (8,) away; how far the limb then lies is not known."""
-        return replace(self, step=self.step - moved[TOLD])
+        return replace(self, step=self.step - moved[OBSERVED])
 
 
-def shown_by(solution: Solution, scale: Scale, moved: Array) -> tuple[LimbAsks, float]:
+def shown_by(solution: Solution, scale: Level, moved: Array) -> tuple[LimbObservation, float]:
     """What the limb asks of the solution by the solution's own picture, without the tiles that may hide it: a quick
     look that renders nothing. With it how far (px, RMS) the limb of a state lies that is `moved` (8,) from it."""
     model, fit, problem = solution.model, solution.fit, solution.problem
@@ -52,29 +52,29 @@ def shown_by(solution: Solution, scale: Scale, moved: Array) -> tuple[LimbAsks, 
     edges = edges_between(match, picture, EDGES)
     centre = scale.scene.camera.project(solution.state.pose.target_in_camera_km)
     unit = np.array([scale.n, scale.n, 1.0])
-    left = edges.across_px - design_of(edges, centre) @ (moved[TOLD] / unit)
+    left = edges.across_px - design_of(edges, centre) @ (moved[OBSERVED] / unit)
     along = np.where(edges.segments.horizontal, edges.segments.normal[:, 0], edges.segments.normal[:, 1])
-    return in_image(asked_by(edges, centre), scale), scale.n * float(np.sqrt(np.mean((left / along) ** 2)))
+    return in_image(observation_of_edges(edges, centre), scale), scale.n * float(np.sqrt(np.mean((left / along) ** 2)))
 
 
-def in_image(found: LimbAsks, scale: Scale) -> LimbAsks:
+def in_image(found: LimbObservation, scale: Level) -> LimbObservation:
     """What was found at a scale, in pixels of the image."""
     unit = np.array([scale.n, scale.n, 1.0])
     covariance = found.covariance * np.outer(unit, unit)
-    return LimbAsks(
+    return LimbObservation(
         unit * found.step, covariance, scale.n * found.rms_px, scale.n * found.coherent_px, found.independent
     )
 
 
-def asked(scale: Scale, state: State) -> LimbAsks:
+def limb_observation(scale: Level, state: State) -> LimbObservation:
     """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
     scene = scale.scene
     window = framed_window(scene, state.pose, margin_px=SKY_PX)
     edges = measure_limb(match_scene(scale.observation, scene, state.pose, window), EDGES)
-    return in_image(asked_by(edges, scene.camera.project(state.pose.target_in_camera_km)), scale)
+    return in_image(observation_of_edges(edges, scene.camera.project(state.pose.target_in_camera_km)), scale)
 
 
-def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
+def observation_of_edges(edges: LimbEdges, centre_px: Array) -> LimbObservation:
     """Robust fit of centre and range to the edges. Raises FailedError when there are too few."""
     away = np.linalg.norm(edges.segments.xy_px - centre_px, axis=1)
     needed = EDGES.points_needed(float(np.median(away)) if len(away) else 0.0)
@@ -86,7 +86,7 @@ def asked_by(edges: LimbEdges, centre_px: Array) -> LimbAsks:
     rms_px = float(np.sqrt(np.mean(edges.shift_px**2)))
     independent = len(left) / shared_along(left, found.angle_deg)
     shape_px = coherent_px(left, found.angle_deg)
-    return LimbAsks(step, found.covariance * np.outer(sign, sign), rms_px, shape_px, independent)
+    return LimbObservation(step, found.covariance * np.outer(sign, sign), rms_px, shape_px, independent)
 
 
 def design_of(edges: LimbEdges, centre_px: Array) -> Array:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import FailedError
 from catalog.observation import Observation
+from catalog.reasons import Reason
+from tasks.joint.coarse_to_fine import Estimate, with_range_prior
 from tasks.joint.contradiction import chi_square, growth_of
-from tasks.joint.estimate import Estimate, weighed
-from tasks.joint.limb_seen import TOLD, LimbAsks, asked, shown_by
+from tasks.joint.limb_observation import OBSERVED, LimbObservation, limb_observation, shown_by
 from tasks.joint.parameters import OFFSET, RANGE, State, difference
-from tasks.joint.scale import Scale
+from tasks.joint.pyramid import Level
 from tasks.joint.settings import JointSettings
 from tasks.simulate import Scene
 
@@ -42,7 +43,7 @@ class Witnesses:
     and the trajectory's (of the range), with its variance; inf where it says nothing."""
 
     own: Array
-    limb: LimbAsks
+    limb: LimbObservation
     range_step: float
     range_variance: float
 
@@ -59,10 +60,10 @@ class Witnesses:
         """The solution's covariance in what is observed, the observations' own, and the differences (n,)."""
         places = [0, 1, RANGE]
         if not self.trusted_range:
-            return self.own[TOLD, TOLD], self.limb.covariance, self.limb.step
+            return self.own[OBSERVED, OBSERVED], self.limb.covariance, self.limb.step
         places = [*places, RANGE]
         others = np.zeros((4, 4))
-        others[TOLD, TOLD], others[3, 3] = self.limb.covariance, self.range_variance
+        others[OBSERVED, OBSERVED], others[3, 3] = self.limb.covariance, self.range_variance
         return self.own[np.ix_(places, places)], others, np.array([*self.limb.step, self.range_step])
 
     @property
@@ -76,7 +77,7 @@ class Witnesses:
         return growth_of(*self.system())
 
 
-def led_by_limb(
+def updated_by_limb(
     observation: Observation,
     estimate: Estimate,
     metadata: State,
@@ -89,28 +90,30 @@ def led_by_limb(
     `settings.limb_led_px` off, one that the limb leads, and what is told of it. An estimate that holds centre or range
     stays. What is told has a `doubt` where limb and product disagree all the same."""
     limit = settings.limb_led_px
-    if limit is None or estimate.free.held[TOLD].any():
+    if limit is None or estimate.free.held[OBSERVED].any():
         return estimate, None
     # One law's error of brightness near the limb would move the rendered edges.
     mixed = replace(scene, settings=scene.settings.model_copy(update={"photometry": "mixture"}))
-    scale = Scale.of(observation, mixed, estimate.state, settings.diameter_px)
+    scale = Level.of(observation, mixed, estimate.state, settings.diameter_px)
     pulled = difference(estimate.state, estimate.free_state, scene.camera)
     try:
         limb, edges_px = shown_by(estimate.free, scale, pulled)
         if edges_px <= limit and not witnesses(estimate, limb, metadata, sigmas, scene.camera).contradict:
             return estimate, None
-        before = asked(scale, estimate.state)
-        seen = witnesses(estimate, before.after(-pulled), metadata, sigmas, scene.camera)
+        before = limb_observation(scale, estimate.state)
+        # The trajectory may hold the product farther from the free solution than one linear step of the limb reaches.
+        free = before.after(-pulled) if before.rms_px <= limit else limb_observation(scale, estimate.free_state)
+        seen = witnesses(estimate, free, metadata, sigmas, scene.camera)
         if before.rms_px <= limit and not seen.contradict:
             return estimate, None
-        led, grown = weighed_in(scale, estimate, seen, metadata, sigmas, scene, progress)
-        led = weighed(led, metadata, sigmas, scene.camera)
-        after = asked(scale, led.state)
+        led, grown = limb_filter(scale, estimate, seen, metadata, sigmas, scene, progress)
+        led = with_range_prior(led, metadata, sigmas, scene.camera)
+        after = limb_observation(scale, led.state)
         if not fits_better(after, before):
             # It leads nowhere: the solution stays, its errors as large as the contradiction.
             grown = seen.growth()
             grown_errors = grown * seen.own + estimate.common
-            led = weighed(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
+            led = with_range_prior(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
             after = before
         sure = led.covariance
         if after is not before:
@@ -118,10 +121,10 @@ def led_by_limb(
     except FailedError:
         return estimate, None
     moved = difference(led.state, estimate.state, scene.camera)
-    told = {"limb_px": [before.rms_px, after.rms_px], "moved_px": moved[OFFSET].tolist(), "error_grown": grown**0.5}
+    evidence = {"limb_px": [before.rms_px, after.rms_px], "moved_px": moved[OFFSET].tolist(), "error_grown": grown**0.5}
     if doubt := doubt_of_limb(after, sure):
-        told["doubt"] = doubt
-    return led, told
+        evidence["doubt"] = doubt
+    return led, evidence
 
 
 def with_the_other(led: Estimate, estimate: Estimate, camera: Camera) -> Estimate:
@@ -138,14 +141,14 @@ def with_the_other(led: Estimate, estimate: Estimate, camera: Camera) -> Estimat
     )
 
 
-def fits_better(after: LimbAsks, before: LimbAsks) -> bool:
+def fits_better(after: LimbObservation, before: LimbObservation) -> bool:
     """Whether the limb lies nearer by more than chance explains: what its squares are less, by those that are left for
     each part that errs on its own, three unknowns having been led."""
     gain = (before.rms_px**2 - after.rms_px**2) / max(after.rms_px**2, 1e-12)
     return bool(gain * after.independent > chi_square(len(after.step)))
 
 
-def witnesses(estimate: Estimate, limb: LimbAsks, metadata: State, sigmas: Array, camera: Camera) -> Witnesses:
+def witnesses(estimate: Estimate, limb: LimbObservation, metadata: State, sigmas: Array, camera: Camera) -> Witnesses:
     """Limb, asking from the free solution, and trajectory as witnesses of the estimate. Errors that limb and pixels
     share, such as the body's radius, are between them and the trajectory."""
     own = estimate.free_covariance - estimate.common
@@ -153,21 +156,22 @@ def witnesses(estimate: Estimate, limb: LimbAsks, metadata: State, sigmas: Array
     return Witnesses(own, limb, wanted, float(sigmas[RANGE] ** 2 + estimate.common[RANGE, RANGE]))
 
 
-def doubt_of_limb(limb: LimbAsks, covariance: Array) -> str | None:
+def doubt_of_limb(limb: LimbObservation, covariance: Array) -> str | None:
     """Whether the product, of covariance (8, 8), is not where the limb is."""
-    away = float(limb.step @ np.linalg.solve(limb.covariance + covariance[TOLD, TOLD], limb.step))
+    away = float(limb.step @ np.linalg.solve(limb.covariance + covariance[OBSERVED, OBSERVED], limb.step))
     if away <= chi_square(len(limb.step), CHANCE_DOUBTED):
         return None
     x, y, growth = limb.step
     return (
-        f"limb-and-interior-disagree: the image's limb asks for a centre ({x:+.2f}, {y:+.2f}) px away from the "
+        f"{Reason.LIMB_AND_INTERIOR_DISAGREE}: "
+        f"the image's limb asks for a centre ({x:+.2f}, {y:+.2f}) px away from the "
         f"solution's and a range factor of {np.exp(growth):.5f}, {np.sqrt(away):.1f} times their errors. "
         "Check the base map, the target and the picture; --profile standard trusts the limb alone."
     )
 
 
-def weighed_in(
-    scale: Scale,
+def limb_filter(
+    scale: Level,
     estimate: Estimate,
     seen: Witnesses,
     metadata: State,
@@ -183,14 +187,14 @@ def weighed_in(
     for number in range(1, ROUNDS + 1):
         wanted = seen.limb.step
         grown = seen.growth()
-        gain = grown * own[:, TOLD] @ np.linalg.inv(grown * own[TOLD, TOLD] + seen.limb.covariance)
-        errors = grown * own - gain @ (grown * own[TOLD])
+        gain = grown * own[:, OBSERVED] @ np.linalg.inv(grown * own[OBSERVED, OBSERVED] + seen.limb.covariance)
+        errors = grown * own - gain @ (grown * own[OBSERVED])
         moved = difference(estimate.free_state.moved(gain @ wanted, camera), state, camera)
         state = estimate.free_state.moved(gain @ wanted, camera)
         if progress:
             progress("limb", number, f"{seen.limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
         if np.hypot(*moved[OFFSET]) < STILL_PX or number == ROUNDS:
             break
-        limb = asked(scale, state).after(difference(estimate.free_state, state, camera))
+        limb = limb_observation(scale, state).after(difference(estimate.free_state, state, camera))
         seen = witnesses(estimate, limb, metadata, sigmas, camera)
     return replace(estimate, free_state=state, free_covariance=errors + estimate.common), grown

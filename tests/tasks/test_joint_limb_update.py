@@ -12,9 +12,16 @@ from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import EUROPA, clean_image, europa_map, observed, scene_of, small_camera, true_pose
 from tasks.compare.limb_errors import limb_covariance, relief_covariance, shared_along
 from tasks.joint import JointSettings
+from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas, with_range_prior
 from tasks.joint.contradiction import chi_square, growth_of
-from tasks.joint.estimate import Estimate, estimated, prior_sigmas, weighed
-from tasks.joint.limb_led import LimbAsks, Witnesses, doubt_of_limb, fits_better, led_by_limb, with_the_other
+from tasks.joint.limb_update import (
+    LimbObservation,
+    Witnesses,
+    doubt_of_limb,
+    fits_better,
+    updated_by_limb,
+    with_the_other,
+)
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
 from tasks.simulate import Scene
 
@@ -53,7 +60,7 @@ def pulled_away() -> tuple[Observation, Scene, Estimate]:
 
 def test_an_estimate_that_was_pulled_off_the_limb_is_brought_back() -> None:
     seen, scene, pulled = pulled_away()
-    led, told = led_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, SETTINGS)
+    led, told = updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, SETTINGS)
     before, after = (pose_error(e.free_state.pose, TRUTH, CAMERA, EUROPA) for e in (pulled, led))
     sigmas = np.sqrt(np.diag(led.free_covariance))
     sigma = sigmas[OFFSET]
@@ -89,13 +96,13 @@ def test_what_the_limb_led_is_known_less_well_along_what_it_moved_by() -> None:
 def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": None})
-    assert led_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings) == (pulled, None)
+    assert updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings) == (pulled, None)
 
 
 def test_a_limb_that_contradicts_the_errors_leads_however_many_pixels_are_allowed() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": 5.0})
-    led, told = led_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings)
+    led, told = updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings)
     assert told is not None
     assert np.hypot(*pose_error(led.free_state.pose, TRUTH, CAMERA, EUROPA).centre_px) < 0.25
 
@@ -105,7 +112,7 @@ def test_an_estimate_that_nothing_contradicts_stays() -> None:
     seen = observed(clean_image(scene_of(CAMERA), TRUTH))
     start = State(TRUTH, CAMERA.psf_sigma_px)
     found = estimated(seen, start, start, SIGMAS, scene, SETTINGS)
-    assert led_by_limb(seen, found, start, SIGMAS, scene, SETTINGS) == (found, None)
+    assert updated_by_limb(seen, found, start, SIGMAS, scene, SETTINGS) == (found, None)
 
 
 def test_an_estimate_that_holds_centre_or_range_is_not_led() -> None:
@@ -113,7 +120,7 @@ def test_an_estimate_that_holds_centre_or_range_is_not_led() -> None:
     held = pulled.free.held.copy()
     held[RANGE] = True
     kept = replace(pulled, free=replace(pulled.free, held=held))
-    assert led_by_limb(seen, kept, kept.free_state, SIGMAS, scene, SETTINGS)[1] is None
+    assert updated_by_limb(seen, kept, kept.free_state, SIGMAS, scene, SETTINGS)[1] is None
 
 
 def test_a_covariance_grows_until_a_difference_is_no_surprise() -> None:
@@ -134,8 +141,8 @@ def test_segments_that_err_together_count_as_few() -> None:
 OWN = np.diag([0.05, 0.05, 1e-3, 0.1, 0.1, 0.1, 0.1, 0.1]) ** 2
 
 
-def limb_at(step: tuple[float, float, float], sigma_px: float = 0.1) -> LimbAsks:
-    return LimbAsks(np.array(step), np.diag([sigma_px, sigma_px, sigma_px / 50]) ** 2, 0.1)
+def limb_at(step: tuple[float, float, float], sigma_px: float = 0.1) -> LimbObservation:
+    return LimbObservation(np.array(step), np.diag([sigma_px, sigma_px, sigma_px / 50]) ** 2, 0.1)
 
 
 def test_a_free_range_against_trajectory_and_limb_speaks_against_the_solution() -> None:
@@ -159,9 +166,9 @@ def test_a_trajectory_that_limb_and_solution_contradict_together_is_no_witness_a
 
 def test_a_solution_off_along_what_the_limb_leaves_open_is_not_contradicted() -> None:
     direction = np.array([1.0, 0.0, -0.02])
-    open_to_it = LimbAsks(0.6 * direction, OWN[:3, :3] + np.outer(direction, direction), 0.1)
+    open_to_it = LimbObservation(0.6 * direction, OWN[:3, :3] + np.outer(direction, direction), 0.1)
     assert not Witnesses(OWN, open_to_it, np.inf, np.inf).contradict
-    across = LimbAsks(np.array([0.0, 0.6, 0.0]), open_to_it.covariance, 0.1)
+    across = LimbObservation(np.array([0.0, 0.6, 0.0]), open_to_it.covariance, 0.1)
     assert Witnesses(OWN, across, np.inf, np.inf).contradict
 
 
@@ -183,7 +190,7 @@ def test_a_range_that_contradicts_its_prior_widens_the_product_s_errors(sigmas_o
     step = np.zeros(len(NAMES))
     step[RANGE] = -sigmas_off * np.hypot(0.002, 2e-4)
     calm, product = (
-        weighed(found, found.free_state.moved(share * step, CAMERA), prior, CAMERA) for share in (0.0, 1.0)
+        with_range_prior(found, found.free_state.moved(share * step, CAMERA), prior, CAMERA) for share in (0.0, 1.0)
     )
     grown = np.sqrt(product.covariance[0, 0] / calm.covariance[0, 0])
     assert grown == pytest.approx(sigmas_off if sigmas_off**2 > chi_square(1) else 1.0, rel=0.1)

@@ -15,7 +15,7 @@ from catalog.pose import Pose
 from lab.simulate.plant import pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bending import DistortionError
+from tasks.joint.beam_bending import DistortionError
 from tasks.joint.step import JointInputs, Known, known_after, run
 from tasks.scene_inputs import BaseMapInputs, SceneFiles, SceneInputs
 from tasks.simulate import Scene
@@ -49,13 +49,15 @@ def test_a_planted_strength_is_found_and_centre_and_range_are_right_again(world:
         find_pose_jointly, bent, truth, truth, "file", scene, distortion=DistortionError(0.0, planes.astype(np.float16))
     )
     without, found = solve(ONCE.model_copy(update={"bending_px": None})), solve(ONCE)
-    told = found.evidence["bending"]
+    bending = found.evidence["bending"]
     before, after = (pose_error(c.pose, truth, scene.camera, scene.target) for c in (without, found))
-    print(f"planted {strength}, found {told}; centre {before.centre_px} -> {after.centre_px}, range {before.range:.5f}")
+    print(
+        f"planted {strength}, found {bending}; centre {before.centre_px} -> {after.centre_px}, range {before.range:.5f}"
+    )
     print(f"  -> {after.range:.5f}")
     assert without.evidence["bending"] is None
-    assert told["strength"] == pytest.approx(strength, abs=3 * told["sigma"])
-    assert told["sigma"] < 0.5
+    assert bending["strength"] == pytest.approx(strength, abs=3 * bending["sigma"])
+    assert bending["sigma"] < 0.5
     assert np.hypot(*after.centre_px) < 0.5 * np.hypot(*before.centre_px)
     assert found.uncertainty["offset_px"][1] < 0.7 * without.uncertainty["offset_px"][1]
     assert (np.abs(after.centre_px) < 3 * np.array(found.uncertainty["offset_px"])).all()
@@ -72,12 +74,12 @@ def test_a_strength_is_the_same_at_reduced_resolution(world: World) -> None:
     bent = displaced(seen, -1.5 * planes)  # by +1.5: pixels are taken from the other side
     third = ONCE.model_copy(update={"diameter_px": 40.0, "first_diameter_px": 40.0})
     found = find_pose_jointly(bent, truth, truth, "file", scene, third, distortion=DistortionError(0.0, planes))
-    told = found.evidence["bending"]
+    bending = found.evidence["bending"]
     full = find_pose_jointly(bent, truth, truth, "file", scene, ONCE, distortion=DistortionError(0.0, planes))
     whole = full.evidence["bending"]
-    print(f"planted 1.5, found {whole}; at a third of the resolution {told}")
-    assert told["strength"] == pytest.approx(whole["strength"], abs=0.5 * told["sigma"])
-    assert told["moved_px"] / told["strength"] == pytest.approx(whole["moved_px"] / whole["strength"], rel=0.05)
+    print(f"planted 1.5, found {whole}; at a third of the resolution {bending}")
+    assert bending["strength"] == pytest.approx(whole["strength"], abs=0.5 * bending["sigma"])
+    assert bending["moved_px"] / bending["strength"] == pytest.approx(whole["moved_px"] / whole["strength"], rel=0.05)
 
 
 def test_a_range_held_where_it_is_not_is_not_taken_for_bending(world: World) -> None:
@@ -160,15 +162,15 @@ def test_the_step_leaves_the_image_as_it_is_without_the_bending(world: World, tm
     files = SceneFiles(folders["undistort"], map_path)
     result = run(inputs, files, Work(folders["joint"], lambda *_: None))
     assert result.image_moved
-    told = result.evidence["bending"]
+    bending = result.evidence["bending"]
     after = load_observation(folders["joint"])
     off = [np.abs(o.image - seen.image)[20:140, 20:140].mean() for o in (bent, after)]
     print(f"mean difference from the frame without bending: {off[0]:.2f} -> {off[1]:.2f} DN")
     assert off[1] < 0.6 * off[0]
     beside = load_arrays(folders["joint"] / DISTORTION)
-    assert beside["bending_error_px"] == pytest.approx(told["sigma"] * planes, abs=2e-3)
+    assert beside["bending_error_px"] == pytest.approx(bending["sigma"] * planes, abs=2e-3)
     assert (beside["uncertainty_px"] < known["uncertainty_px"]).any()
     assert beside["uncertainty_px"].min() > 0.049
     # A raw pixel's content lies where the displaced image has it.
-    assert beside["sensor_x_px"] == pytest.approx(x - told["strength"] * planes[0], abs=2e-3)
-    assert beside["sensor_y_px"] == pytest.approx(y - told["strength"] * planes[1], abs=2e-3)
+    assert beside["sensor_x_px"] == pytest.approx(x - bending["strength"] * planes[0], abs=2e-3)
+    assert beside["sensor_y_px"] == pytest.approx(y - bending["strength"] * planes[1], abs=2e-3)

@@ -7,16 +7,17 @@ import numpy as np
 from catalog.flips import MEANINGS
 from catalog.observation import Quality
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import find_target, known_targets
 from tasks.diagnose.settings import DiagnoseSettings
-from tasks.diagnose.trying import Explanation
+from tasks.diagnose.trials import Explanation
 from tasks.simulate import Scene
 from tasks.simulate.suns import sun_azimuth_deg
 from tasks.simulate.window import disk_radius_px
 
-MAP = "map-does-not-match"
-OTHER = "another-body"
-STRAY = "stray-light"
+MAP = Reason.MAP_DOES_NOT_MATCH
+OTHER = Reason.ANOTHER_BODY
+STRAY = Reason.STRAY_LIGHT
 
 
 @dataclass(frozen=True)
@@ -24,35 +25,35 @@ class Diagnosis:
     """code, fault, remedy: as of a `PlanetposeError`. explanation: what explains the image; None where the frame itself
     is wrong."""
 
-    code: str
+    code: Reason
     fault: str
     remedy: str
     explanation: Explanation | None
 
 
-def told_of(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
+def diagnosis_for(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
     """What the user is told of an explanation that is not the predicted one."""
     match best.candidate.name:
         case "other-body":
-            return told_of_other(best, scene)
+            return other_body_diagnosis(best, scene)
         case "unmasked":
-            return told_of_unmasked(best, scene)
+            return unmasked_diagnosis(best, scene)
         case "stray-light":
-            return told_of_stray_light(best, scene)
+            return stray_light_diagnosis(best, scene)
         case "blurred":
-            return told_of_blurred(best, scene)
+            return blurred_diagnosis(best, scene)
         case "mirrored":
-            return told_of_mirrored(best)
+            return mirrored_diagnosis(best)
         case "rolled":
-            return told_of_rolled(best)
+            return rolled_diagnosis(best)
         case "inverted":
-            return told_of_inverted(best, scene)
+            return inverted_diagnosis(best, scene)
         case "sun":
-            return told_of_sun(best, predicted)
-    return told_of_size(best, predicted, scene, settings)
+            return sun_diagnosis(best, predicted)
+    return size_diagnosis(best, predicted, scene, settings)
 
 
-def told_of_other(best: Explanation, scene: Scene) -> Diagnosis:
+def other_body_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
@@ -64,11 +65,11 @@ def told_of_other(best: Explanation, scene: Scene) -> Diagnosis:
     )
 
 
-def told_of_unmasked(best: Explanation, scene: Scene) -> Diagnosis:
+def unmasked_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
-        "target-masked",
+        Reason.TARGET_MASKED,
         f"the mask hides {scene.target.name}: without it, the disk is found at ({x:.1f}, {y:.1f}), "
         f"{disk_radius_px(best.pose, scene.camera, scene.target):.1f} px in radius.",
         "Give a mask that leaves disk and lit limb free: its non-zero pixels are not used.",
@@ -82,7 +83,7 @@ def masked_box(best: Explanation) -> str:
     return f"x {columns.min()}-{columns.max()}, y {rows.min()}-{rows.max()}"
 
 
-def told_of_stray_light(best: Explanation, scene: Scene) -> Diagnosis:
+def stray_light_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
@@ -94,11 +95,11 @@ def told_of_stray_light(best: Explanation, scene: Scene) -> Diagnosis:
     )
 
 
-def told_of_blurred(best: Explanation, scene: Scene) -> Diagnosis:
+def blurred_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     width, camera = best.candidate.psf_px or 0.0, scene.psf_sigma_px
     return Diagnosis(
-        "image-blurred",
+        Reason.IMAGE_BLURRED,
         "the picture is blurred, by motion, focus or an atmosphere: with a point spread of about "
         f"{width:.1f} px (sigma; the camera's is {camera:.2f}) outline and shading fit.",
         f"Give a sharper picture, or --camera FILE.toml with psf_sigma_px = {width:.1f}.",
@@ -106,11 +107,11 @@ def told_of_blurred(best: Explanation, scene: Scene) -> Diagnosis:
     )
 
 
-def told_of_mirrored(best: Explanation) -> Diagnosis:
+def mirrored_diagnosis(best: Explanation) -> Diagnosis:
     """What the user is told."""
     flip = best.candidate.flip or "x"
     return Diagnosis(
-        "image-mirrored",
+        Reason.IMAGE_MIRRORED,
         f"the picture is mirrored ({MEANINGS[flip].removeprefix('mirrored ')}): so mirrored, outline, shading and "
         "markings are the predicted ones.",
         f"Give --flip {flip}, or a camera file whose camera_from_instrument says how it is read out.",
@@ -118,11 +119,11 @@ def told_of_mirrored(best: Explanation) -> Diagnosis:
     )
 
 
-def told_of_rolled(best: Explanation) -> Diagnosis:
+def rolled_diagnosis(best: Explanation) -> Diagnosis:
     """What the user is told."""
     flip = f"Give --flip {best.candidate.flip}, or check" if best.candidate.flip else "Check"
     return Diagnosis(
-        "image-turned",
+        Reason.IMAGE_TURNED,
         f"the picture is turned: with the camera rolled by {best.candidate.detail:.0f} deg about its boresight (from "
         "+x towards +y), outline, shading and markings are the image's.",
         f"{flip} camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the camera's camera_from_instrument.",
@@ -130,21 +131,21 @@ def told_of_rolled(best: Explanation) -> Diagnosis:
     )
 
 
-def told_of_inverted(best: Explanation, scene: Scene) -> Diagnosis:
+def inverted_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     return Diagnosis(
-        "image-inverted",
+        Reason.IMAGE_INVERTED,
         f"the picture is a negative: {scene.target.name} is darker than the sky, and as its negative it fits.",
         "Give the picture with brightness growing with light.",
         best,
     )
 
 
-def told_of_sun(best: Explanation, predicted: Pose) -> Diagnosis:
+def sun_diagnosis(best: Explanation, predicted: Pose) -> Diagnosis:
     """What the user is told."""
     here, there = sun_azimuth_deg(best.pose), sun_azimuth_deg(predicted)
     return Diagnosis(
-        "sun-direction",
+        Reason.SUN_DIRECTION,
         f"the predicted direction of the Sun is not the image's: it is lit from about {here:.0f} deg in the picture "
         f"(from +x towards +y) at a phase angle of about {best.pose.phase_deg:.0f} deg, predicted are {there:.0f} and "
         f"{predicted.phase_deg:.0f} deg.",
@@ -154,7 +155,7 @@ def told_of_sun(best: Explanation, predicted: Pose) -> Diagnosis:
     )
 
 
-def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
+def size_diagnosis(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
     """What the user is told."""
     size, focal_px = best.size, scene.camera.focal_length_px * best.size
     radius = disk_radius_px(predicted, scene.camera, scene.target)
@@ -168,13 +169,13 @@ def told_of_size(best: Explanation, predicted: Pose, scene: Scene, settings: Dia
     for factor, mode in ((0.5, "summed 2x2"), (0.25, "summed 4x4"), (2.0, "not summed")):
         if abs(size / factor - 1) <= settings.summed_size:
             return Diagnosis(
-                "summing-mode",
+                Reason.SUMMING_MODE,
                 f"{seen}: the frame is {mode}, or range, focal length or target are not the image's.",
                 f"Give --camera FILE.toml with focal_length_px = {focal_px:.6g}{other}; it fits the image.",
                 best,
             )
     return Diagnosis(
-        "disk-size",
+        Reason.DISK_SIZE,
         f"{seen}: the range, the focal length (camera, summing mode) or the target is not the image's.",
         f"A range of {predicted.range_km / size:.6g} km fits, or focal_length_px = {focal_px:.6g}{other}.",
         best,
@@ -188,7 +189,7 @@ def bodies_of_radius(radius_km: float, tolerance: float, but: str) -> list[str]:
     return sorted((name for name in near if near[name] <= tolerance), key=lambda name: near[name])[:4]
 
 
-def told_of_map(best: Explanation, scene: Scene) -> Diagnosis:
+def map_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
     """What the user is told."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     agreement = "" if best.markings is None else f" (they correlate by {best.markings:.2f})"

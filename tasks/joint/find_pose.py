@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import POSE_KEYS, Pose
+from catalog.reasons import Reason
 from tasks.correction import Correction
-from tasks.joint.bending import Bending, DistortionError, displacement_of
-from tasks.joint.estimate import (
+from tasks.joint.beam_bending import Bending, DistortionError, displacement_of
+from tasks.joint.coarse_to_fine import (
     DISAGREEMENT_PX,
     EXACT,
     Array,
@@ -24,18 +25,18 @@ from tasks.joint.estimate import (
     with_attitude_held,
     without_markings,
 )
-from tasks.joint.limb_led import led_by_limb
-from tasks.joint.orientation import Orientation, doubt_of_markings, oriented
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.limb_update import updated_by_limb
+from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
-from tasks.joint.solve import Solution
-from tasks.joint.uncertainty import untold_directions
+from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
 
-Told = dict[str, Any]
+Evidence = dict[str, Any]
 CONFLICT_SIGMAS = 5.0
 # Of the free range against the trajectory's: the errors of 59 solvable scenes by another renderer were 3.5 of their
 # sigmas at most.
@@ -72,15 +73,18 @@ def find_pose_jointly(
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
 
-    def solve(begin: State, without_turn: bool) -> tuple[Estimate, Told | None]:
+    def solve(begin: State, without_turn: bool) -> Estimate:
         own = with_attitude_held(settings) if without_turn else settings
-        found = estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+        return estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+
+    def lead(found: Estimate) -> tuple[Estimate, Evidence | None]:
         unbent = observation
         if distortion.bending is not None and found.bending and found.bending.strength:
             unbent = displaced(observation, displacement_of(found.bending.strength, distortion.bending))
-        return led_by_limb(unbent, found, metadata, sigmas, scene, own, progress)
+        return updated_by_limb(unbent, found, metadata, sigmas, scene, settings, progress)
 
-    estimate, led, orientation = oriented(observation, solve, start, metadata, sigmas, scene, markings_match, is_held)
+    solvers = Solvers(solve, lead)
+    estimate, led, orientation = oriented(observation, solvers, start, metadata, sigmas, scene, markings_match, is_held)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )
@@ -99,7 +103,7 @@ def as_correction(
     sigmas: Array,
     away_px: float | None,
     scene: Scene,
-    led: Told | None = None,
+    led: Evidence | None = None,
     orientation: Orientation | None = None,
 ) -> Correction:
     """The estimate in the words that all steps share. led: what is told where the limb leads. orientation: what the
@@ -117,7 +121,7 @@ def as_correction(
         "covariance": estimate.covariance.tolist(),
         "free_covariance": estimate.free_covariance.tolist(),
         "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
-        "held_by_prior": [u.to_dict() for u in untold_directions(free.fit, estimate.shown, sigmas, held)],
+        "held_by_prior": [u.to_dict() for u in prior_dominated_directions(free.fit, estimate.shown, sigmas, held)],
         "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),
         "roll_attitude_correlation": [correlation(estimate.covariance, ROLL, axis) for axis in (4, 5, 6)],
         "turn_about_sight_assigned_to": "camera" if sigmas[ROLL] > sigmas[ATTITUDE.start] else "target",
@@ -125,7 +129,7 @@ def as_correction(
         "second_start_px": away_px,
         "led_by_limb": led,
         "smear": smear_of(estimate.state),
-        "bending": told_of(estimate.bending),
+        "bending": bending_evidence(estimate.bending),
         "detector": estimate.linearity.to_dict() if estimate.linearity else None,
         "displacement": estimate.displacement.to_dict() if estimate.displacement else None,
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
@@ -174,14 +178,14 @@ def smear_of(state: State) -> dict[str, float] | None:
     return {"length_px": float(np.hypot(x, y)), "direction_deg": float(np.degrees(np.arctan2(y, x)) % 180)}
 
 
-def told_of(bending: Bending | None) -> Told | None:
+def bending_evidence(bending: Bending | None) -> Evidence | None:
     """What the disk told of the beam's bending, in sigmas of what the marks say; None where it was left alone."""
     if bending is None or not bending.strength:
         return None
     return {"strength": bending.strength, "sigma": bending.sigma, "moved_px": bending.moved_px}
 
 
-def without_held(changed: Told, uncertainty: Told, held: NDArray[np.bool_]) -> tuple[Told, Told]:
+def without_held(changed: Evidence, uncertainty: Evidence, held: NDArray[np.bool_]) -> tuple[Evidence, Evidence]:
     """Both with None for what was held and so not determined; a held offset is none, a held factor one."""
     places = {
         "offset_px": OFFSET.start,
@@ -209,7 +213,8 @@ def doubt_of_convergence(free: Solution) -> str | None:
     """Whether the iterations came to rest."""
     if free.converged:
         return None
-    return f"joint-not-settled: {len(free.history)} iterations did not come to rest. Check picture and predicted pose."
+    count = len(free.history)
+    return f"{Reason.JOINT_NOT_SETTLED}: {count} iterations did not come to rest. Check picture and predicted pose."
 
 
 def doubt_of_range(surplus: float, sigma: float, prior: float, held: bool) -> str | None:
@@ -218,7 +223,7 @@ def doubt_of_range(surplus: float, sigma: float, prior: float, held: bool) -> st
     if held or abs(surplus) <= allowed:
         return None
     return (
-        f"range-conflict: the image wants {np.exp(surplus):.5f} times the predicted range, the metadata allow "
+        f"{Reason.RANGE_CONFLICT}: the image wants {np.exp(surplus):.5f} times the predicted range, the metadata allow "
         f"{prior:.1g} and the fit {sigma:.1g} (1 sigma). Check the target's radii and the source of the range."
     )
 
@@ -230,6 +235,6 @@ def doubt_of_start(away_px: float | None, centre_sigma_px: float, limb_sigma_px:
     ):
         return None
     return (
-        f"starts-disagree: from another start the solution lies {away_px:.2f} px away. Check the picture; "
+        f"{Reason.STARTS_DISAGREE}: from another start the solution lies {away_px:.2f} px away. Check the picture; "
         f"help with --start-offset or --hold."
     )

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from tasks.joint.moved import changes_of_place
+from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import NAMES, PSF, RANGE, ROLL
 from tasks.simulate.pixels import detect, filtered
 
