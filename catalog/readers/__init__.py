@@ -106,7 +106,7 @@ def _read(path: Path, head: bytes, plane: str | None) -> Reading:
     except RefusedError as refusal:
         if given.name in refusal.fault or isinstance(reader, PluggedReader):
             raise
-        raise RefusedError(refusal.code, f"image {given}: {refusal.fault}", refusal.remedy) from refusal
+        raise refusal.saying(f"image {given}: {refusal.fault}", refusal.remedy) from refusal
     except (OSError, MemoryError) as error:
         raise RefusedError(Reason.IMAGE_UNREADABLE, f"image {given} cannot be read ({error}).") from error
 

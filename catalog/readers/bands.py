@@ -32,7 +32,7 @@ def chosen_plane(path: Path, names: Sequence[str], plane: str | None, default: i
         f"image {path}: there is no plane {wanted!r}" if not found else f"image {path}: {wanted!r} names {len(found)}"
     )
     raise RefusedError(
-        Reason.PLANE_UNKNOWN, f"{fault}, its planes are {listed(names)}.", "Give --plane NUMBER (from 1)."
+        Reason.IMAGE_PLANE_UNKNOWN, f"{fault}, its planes are {listed(names)}.", "Give --plane NUMBER (from 1)."
     )
 
 

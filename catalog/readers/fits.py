@@ -25,7 +25,7 @@ from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers import lorri
 from catalog.readers.bands import chosen_plane
-from catalog.readers.fits_tiles import check_tiles
+from catalog.readers.fits_tiles import check_tiles, tile_faults
 from catalog.readers.fits_time import exposure_s, fits_exposure_time
 from catalog.readers.label_values import plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
@@ -206,10 +206,8 @@ def _plane(path: Path, hdu: Any, number: int) -> NDArray[Any]:
 def _numbers(path: Path, hdu: Any, which: tuple[int, ...]) -> Any:
     try:
         return hdu.section[which] if which else hdu.data
-    except Exception as error:
-        if type(error).__name__ == "CfitsioException":  # astropy's own, of tiles that cannot be unpacked; not public
-            raise unreadable(path, f"its tiles are damaged ({error})") from error
-        raise
+    except tile_faults() as error:
+        raise unreadable(path, f"its tiles are damaged ({error})") from error
 
 
 def _check_end(path: Path, end: int) -> None:

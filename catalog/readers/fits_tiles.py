@@ -5,6 +5,9 @@ it (hcompress).
 """
 
 import zlib
+from functools import cache
+from importlib import import_module
+from importlib.util import find_spec
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -14,6 +17,7 @@ from numpy.typing import NDArray
 
 from catalog.readers.reading import MAX_PIXELS, unreadable
 
+DECODERS = ("astropy.io.fits.hdu.compressed._compression", "astropy.io.fits._tiled_compression._compression")
 COLUMNS = ("COMPRESSED_DATA", "GZIP_COMPRESSED_DATA")
 MAX_TILES = 1_000_000
 MAX_ITEM_BYTES = 8
@@ -35,6 +39,13 @@ def check_tiles(path: Path, hdu: Any, axes: list[int]) -> None:
             content = np.asarray(tile).tobytes()
             if not _fits(content, int(count)):
                 raise unreadable(path, f"one of its tiles holds more than its {count} pixels")
+
+
+@cache
+def tile_faults() -> tuple[type[Exception], ...]:
+    """What astropy raises for tiles that cannot be unpacked: an exception of its own, in a module that has moved."""
+    modules = (find_spec(name) and import_module(name) for name in DECODERS if find_spec(name.rpartition(".")[0]))
+    return tuple(module.CfitsioException for module in modules if module)
 
 
 def _pixels_of_tiles(path: Path, axes: list[int], sides: list[int]) -> NDArray[np.int64]:

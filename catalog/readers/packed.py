@@ -46,7 +46,7 @@ def unpacked(path: Path) -> Iterator[Path]:
             yield image
         except RefusedError as refusal:
             fault, remedy = (text.replace(str(image), str(path)) for text in (refusal.fault, refusal.remedy))
-            raise RefusedError(refusal.code, fault, remedy) from refusal
+            raise refusal.saying(fault, remedy) from refusal
 
 
 def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
