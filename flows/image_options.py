@@ -55,6 +55,19 @@ def known_flip(name: str | None) -> str | None:
     return name
 
 
+def four_numbers(given: Any) -> Any:
+    """`X,Y,W,H` as whole numbers. Raises ValueError for a text that is something else, or no part of a detector."""
+    if not isinstance(given, str):
+        return given
+    try:
+        x, y, width, height = (int(part) for part in given.split(","))
+    except ValueError as error:
+        raise ValueError(f"{given!r} is not four whole numbers.") from error
+    if min(x, y) < 0 or min(width, height) < 1:
+        raise ValueError(f"{given!r} is no part of a detector.")
+    return x, y, width, height
+
+
 class Options(BaseModel):
     """What every command's options are: frozen, and no others."""
 
@@ -79,4 +92,9 @@ class ImageOptions(Options):
     flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
         description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
     )
+    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
+    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
+    window: Annotated[
+        tuple[int, int, int, int] | None, BeforeValidator(four_numbers), Cli(metavar="X,Y,W,H", text=True)
+    ] = opt(description="Part of the detector in the file, in detector pixels from 0.")
     resume: File = opt(description="Product folder, result.json or store to start from.")

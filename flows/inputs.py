@@ -54,6 +54,9 @@ def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
         target=target_inputs(request),
         flip=request.flip,
         reader=plugin_reader_of(request.image),
+        plane=request.plane,
+        summing=request.summing,
+        window=request.window,
     )
 
 
