@@ -21,6 +21,8 @@ FEWEST_POINTS, MOST_POINTS = 8, 1440
 TOGETHER = 8.0
 # Where limbs of simulated images lie beside the true ones, by law and blur, 1-sigma.
 SYSTEMATIC_PX = 0.3
+# The limb's lit half, without its ends, where limb and terminator meet.
+LIT_COSINE = 0.15
 # A body's flattening is solved for where it moves the limb by more than this.
 ROUND_PX = 0.5
 
@@ -46,8 +48,12 @@ class Limb:
         return self.semi_px * float(np.sqrt(1 - np.hypot(*self.flattening)))
 
 
-def limb_along(edges: Edges, disk: Disk, target: Target) -> Limb | None:
-    """The limb near a disk; None where too little of one is seen. The ellipse is no flatter than the target."""
+def limb_along(edges: Edges, disk: Disk, target: Target, lit_from_deg: float | None = None) -> Limb | None:
+    """The limb near a disk; None where too little of one is seen. The ellipse is no flatter than the target.
+
+    lit_from_deg: position angle that the light comes from; then only the limb's half on that side counts, for on the
+    other one the terminator is the edge that is seen.
+    """
     values = np.array([*disk.centre_px, np.log(disk.radius_px), 0.0, 0.0])
     largest = 1 - min(target.radii_km) / max(target.radii_km)
     solved = None
@@ -55,6 +61,9 @@ def limb_along(edges: Edges, disk: Disk, target: Target) -> Limb | None:
         radius = float(np.exp(values[2]))
         reach = max(reach_px, share * radius) + (largest * radius if solved is None else 0.0)
         points = points_along(edges, values, min(reach, 0.45 * radius))
+        if lit_from_deg is not None:
+            away = points - values[:2]
+            points = points[np.cos(np.arctan2(away[:, 1], away[:, 0]) - np.radians(lit_from_deg)) > LIT_COSINE]
         if len(points) < FEWEST_POINTS:
             return None
         solved = fitted(points, values, largest if largest * radius > ROUND_PX else 0.0)

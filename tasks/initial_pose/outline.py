@@ -19,6 +19,9 @@ from tasks.initial_pose.sun import SunInDisk, sun_of_disk
 Array = NDArray[np.float64]
 
 CANDIDATES = 10
+# Limb and light are found in turn so often, where the terminator lies farther inside the limb than so many pixels;
+# what is no likeness at all is not looked at again.
+ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
 # Of another disk that is as good as this share of the best, the target may be either.
 RIVAL_SHARE = 0.5
 REMEDY = (
@@ -71,6 +74,13 @@ def outline_of(edges: Edges, disk: Disk, target: Target) -> Outline | None:
     """The outline near a disk; None where there is no limb, or too little of disk and sky."""
     limb = limb_along(edges, disk, target)
     sun = None if limb is None else sun_of_disk(edges, limb)
+    for _ in range(ROUNDS):
+        if limb is None or sun is None:
+            return None
+        if limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg))) < ROUND_PX or sun.likeness < LIKE_NONE:
+            break
+        limb = limb_along(edges, Disk(limb.centre_px, limb.mean_px, disk.score), target, sun.azimuth_deg)
+        sun = None if limb is None else sun_of_disk(edges, limb)
     if limb is None or sun is None:
         return None
     outside = lit_outside(edges, limb.centre_px, limb.mean_px)

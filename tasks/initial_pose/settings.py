@@ -21,7 +21,7 @@ class LimbSearchSettings(BaseModel):
     tolerance_px: float = Field(1.5, gt=0)
     tolerance_share: float = Field(0.01, ge=0)
     least_radius_px: float = Field(4.0, gt=0)
-    arc_deg: float = Field(50.0, gt=0, le=360)
+    arc_deg: float = Field(45.0, gt=0, le=360)
     radius_sigma: float = Field(0.04, gt=0)
     outside_share: float = Field(0.85, gt=0, le=1)
     likeness: float = Field(0.78, ge=0, le=1)

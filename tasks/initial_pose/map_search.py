@@ -1,0 +1,196 @@
+"""How a body is turned: a global search for the sub-spacecraft point and north azimuth at which the base map's markings
+are the image's."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.observation import Observation
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
+from tasks.attitude.markings import evidence_of, is_better, measurements, signed_root
+from tasks.attitude.texture import Texture, blurred, texture_of
+from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
+from tasks.compiled import compiled_reordered
+from tasks.initial_pose.settings import MapSearchSettings
+from tasks.simulate import Scene
+from tasks.simulate.coarse_map import map_as_coarse_as
+from tasks.simulate.window import disk_radius_px
+
+Array = NDArray[np.float64]
+
+# Markings are blurred by so much of the grid's step, so that no peak falls between its orientations.
+BLUR_SHARE = 0.5
+# The climb's first step, of the grid's, and its last, in pixels of the disk's middle.
+FIRST_SHARE, LAST_PX = 0.5, 0.25
+
+
+@dataclass(frozen=True)
+class MapSearch:
+    """turn: (3, 3), `camera_from_body` found is that of the start times this; None where no orientation stands out.
+    sigmas: the evidence for the best one, next_sigmas: for the next distinct one, in sigmas. tried: how many
+    orientations."""
+
+    turn: Array | None
+    sigmas: float | None = None
+    next_sigmas: float | None = None
+    tried: int = 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain JSON values."""
+        return {"sigmas": self.sigmas, "next_sigmas": self.next_sigmas, "tried": self.tried}
+
+
+def search_map(observation: Observation, pose: Pose, scene: Scene, settings: MapSearchSettings) -> MapSearch:
+    """The turn of the body, of all there are, at which its map's markings are the image's.
+
+    `pose` knows centre, range and Sun; its orientation counts for nothing. Shading is taken out as in every test of
+    markings (`texture_of`); a grid of orientations is searched at low resolution, and the best are climbed from and
+    compared at the image's own. One stands out as in those tests: by its evidence, and by more than twice that of the
+    next.
+    """
+    if disk_radius_px(pose, scene.camera, scene.target) < settings.least_radius_px:
+        return MapSearch(None)
+    n = reduction_for(pose, scene, settings.diameter_px)
+    coarse = texture_of(reduced_observation(observation, n), pose, reduced_scene(scene, n))
+    fine = texture_of(observation, pose, scene)
+    if coarse is None or fine is None:
+        return MapSearch(None)
+    turns = grid_of_turns(settings.step_deg)
+    scores = grid_scores(coarse, scene, turns, settings.step_deg)
+    starts = [turns[i] for i in distinct_best(scores, turns, settings.kept, settings.step_deg)]
+    step = FIRST_SHARE * settings.step_deg
+    climbed = ranked([climb(coarse, turn, step, LAST_PX * coarse.pixel_deg) for turn in starts])
+    climbed = distinct(climbed, settings.step_deg)[: settings.refined_kept]
+    step = max(coarse.pixel_deg / 2, fine.pixel_deg)
+    found = distinct(
+        ranked([climb(fine, turn, step, LAST_PX * fine.pixel_deg) for _, turn in climbed]), settings.distinct_deg
+    )
+    best, turn = found[0]
+    other = found[1][0] if len(found) > 1 else 0.0
+    stands_out = best > settings.sigmas**2 and is_better(best, other * settings.times_next / 2)
+    return MapSearch(turn if stands_out else None, signed_root(best), signed_root(other), len(turns))
+
+
+@lru_cache(maxsize=2)
+def grid_of_turns(step_deg: float) -> Array:
+    """Rotations (n, 3, 3) spread evenly over all there are: points of a spiral over the sphere (Gonzalez 2010, Math.
+    Geosci. 42, 49), each with every turn about itself."""
+    from scipy.spatial.transform import Rotation
+
+    step = np.radians(step_deg)
+    count, rolls = int(np.ceil(4 * np.pi / step**2)), int(np.ceil(2 * np.pi / step))
+    z = 1 - (2 * np.arange(count) + 1) / count
+    longitude = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    roll = 2 * np.pi * np.arange(rolls) / rolls
+    angles = np.stack(np.broadcast_arrays(roll[:, None], np.arccos(z), longitude), axis=-1).reshape(-1, 3)
+    return np.asarray(Rotation.from_euler("ZYZ", angles).as_matrix())
+
+
+def grid_scores(texture: Texture, scene: Scene, turns: Array, step_deg: float) -> Array:
+    """Correlation (n,) of the image's markings with the map's at each turn, both blurred to the grid's step."""
+    blur_deg = BLUR_SHARE * step_deg
+    plane = np.zeros(texture.inside.shape, np.float32)
+    plane[texture.inside] = texture.value / np.maximum(texture.shading * texture.weight, 1e-12)
+    blur_px = blur_deg / texture.pixel_deg
+    full = np.maximum(blurred(texture.inside.astype(np.float32), blur_px), 1e-3)
+    value = (blurred(plane, blur_px) / full)[texture.inside] * texture.shading * texture.weight
+    value = value - texture.smooth @ (texture.smooth.T @ value)
+    albedo = map_as_coarse_as(scene.basemap, 2.5 * np.radians(blur_deg))
+    scale = np.ascontiguousarray(texture.shading * texture.weight, np.float32)
+    return np.asarray(
+        _correlations(
+            np.ascontiguousarray(texture.points, np.float32),
+            scale,
+            np.ascontiguousarray(texture.smooth.T, np.float32),
+            np.ascontiguousarray(value, np.float32),
+            np.ascontiguousarray(albedo / albedo.mean(), np.float32),
+            float(np.radians(scene.basemap.left_edge_deg)),
+            np.ascontiguousarray(turns, np.float32),
+        ),
+        np.float64,
+    )
+
+
+@compiled_reordered
+def _correlations(points, scale, smooth, value, albedo, left_edge, turns):  # type: ignore[no-untyped-def]
+    rows, columns = albedo.shape
+    out = np.zeros(len(turns), np.float32)
+    column = np.empty(len(points), np.float32)
+    own = np.float32(0)
+    for i in range(len(value)):
+        own += value[i] * value[i]
+    for k in range(len(turns)):
+        turn = turns[k]
+        for i in range(len(points)):
+            p = points[i]
+            x = p[0] * turn[0, 0] + p[1] * turn[1, 0] + p[2] * turn[2, 0]
+            y = p[0] * turn[0, 1] + p[1] * turn[1, 1] + p[2] * turn[2, 1]
+            z = p[0] * turn[0, 2] + p[1] * turn[1, 2] + p[2] * turn[2, 2]
+            u = (np.arctan2(y, x) - left_edge) * columns / (2 * np.pi)
+            v = (0.5 * np.pi - np.arcsin(min(max(z, -1.0), 1.0))) * rows / np.pi
+            column[i] = scale[i] * (albedo[min(int(v), rows - 1), int(np.floor(u)) % columns] - 1)
+        square, together = np.float32(0), np.float32(0)
+        for i in range(len(points)):
+            square += column[i] * column[i]
+            together += column[i] * value[i]
+        for j in range(len(smooth)):
+            part = np.float32(0)
+            for i in range(len(points)):
+                part += smooth[j, i] * column[i]
+            square -= part * part
+        out[k] = together / np.sqrt(max(square * own, np.float32(1e-20)))
+    return out
+
+
+def distinct_best(scores: Array, turns: Array, count: int, apart_deg: float) -> list[int]:
+    """Indices of the best of the grid, none of them next to a better one."""
+    kept: list[int] = []
+    for i in np.argsort(-scores)[: 20 * count]:
+        if len(kept) == count:
+            break
+        if not kept or angles_deg(turns[kept], turns[i]).min() > 1.2 * apart_deg:
+            kept.append(int(i))
+    return kept
+
+
+def angles_deg(turns: Array, turn: Array) -> Array:
+    """Angle (n,) of the rotation between each of `turns` (n, 3, 3) and `turn` (3, 3), degrees."""
+    trace = np.einsum("nij,ij->n", turns, turn)
+    return np.asarray(np.degrees(np.arccos(np.clip((trace - 1) / 2, -1, 1))))
+
+
+def ranked(found: list[tuple[float, Array]]) -> list[tuple[float, Array]]:
+    """By evidence, the best first."""
+    return sorted(found, key=lambda each: -each[0])
+
+
+def distinct(found: list[tuple[float, Array]], apart_deg: float) -> list[tuple[float, Array]]:
+    """Those that are no nearer than `apart_deg` to a better one."""
+    kept: list[tuple[float, Array]] = []
+    for each in found:
+        turns = [other for _, other in kept]
+        if all(np.linalg.norm(vector_deg_from_rotation(turn.T @ each[1])) > apart_deg for turn in turns):
+            kept.append(each)
+    return kept
+
+
+def climb(texture: Texture, turn: Array, step_deg: float, last_deg: float) -> tuple[float, Array]:
+    """The nearest maximum of the evidence from a turn, by ever shorter steps about three axes: its evidence and turn."""
+    independent = measurements(texture)
+    best = evidence_of(texture.correlations(turn), independent)
+    while step_deg > last_deg:
+        moved = False
+        for axis in np.eye(3):
+            for sign in (1, -1):
+                trial = rotation_from_vector_deg(sign * step_deg * axis) @ turn
+                value = evidence_of(texture.correlations(trial), independent)
+                if value > best:
+                    best, turn, moved = value, trial, True
+                    break
+        if not moved:
+            step_deg /= 2
+    return best, turn
