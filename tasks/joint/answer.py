@@ -25,7 +25,7 @@ from tasks.joint.estimate import (
     without_markings,
 )
 from tasks.joint.limb_led import led_by_limb
-from tasks.joint.orientation import Orientation, doubt_of_markings, oriented
+from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.settings import JointSettings
 from tasks.joint.solve import Solution
@@ -72,15 +72,18 @@ def find_pose_jointly(
         settings = without_markings(settings)
     sigmas = prior_sigmas(priors)
 
-    def solve(begin: State, without_turn: bool) -> tuple[Estimate, Told | None]:
+    def solve(begin: State, without_turn: bool) -> Estimate:
         own = with_attitude_held(settings) if without_turn else settings
-        found = estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+        return estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+
+    def lead(found: Estimate) -> tuple[Estimate, Told | None]:
         unbent = observation
         if distortion.bending is not None and found.bending and found.bending.strength:
             unbent = displaced(observation, displacement_of(found.bending.strength, distortion.bending))
-        return led_by_limb(unbent, found, metadata, sigmas, scene, own, progress)
+        return led_by_limb(unbent, found, metadata, sigmas, scene, settings, progress)
 
-    estimate, led, orientation = oriented(observation, solve, start, metadata, sigmas, scene, markings_match, is_held)
+    solvers = Solvers(solve, lead)
+    estimate, led, orientation = oriented(observation, solvers, start, metadata, sigmas, scene, markings_match, is_held)
     away = (
         second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
     )

@@ -100,7 +100,9 @@ def led_by_limb(
         if edges_px <= limit and not witnesses(estimate, limb, metadata, sigmas, scene.camera).contradict:
             return estimate, None
         before = asked(scale, estimate.state)
-        seen = witnesses(estimate, before.after(-pulled), metadata, sigmas, scene.camera)
+        # The trajectory may hold the product farther from the free solution than one linear step of the limb reaches.
+        free = before.after(-pulled) if before.rms_px <= limit else asked(scale, estimate.free_state)
+        seen = witnesses(estimate, free, metadata, sigmas, scene.camera)
         if before.rms_px <= limit and not seen.contradict:
             return estimate, None
         led, grown = weighed_in(scale, estimate, seen, metadata, sigmas, scene, progress)

@@ -33,7 +33,16 @@ from tasks.simulate import Scene
 Array = NDArray[np.float64]
 # From a start and with or without the orientation held: the estimate, and what is told where the limb leads.
 Told = dict[str, Any]
-Solve = Callable[[State, bool], tuple[Estimate, Told | None]]
+
+
+@dataclass(frozen=True)
+class Solvers:
+    """solve: the estimate from a start, with the body's turn held or not. lead: an estimate as the limb leads it, if it
+    does, and the report of that (see `led_by_limb`)."""
+
+    solve: Callable[[State, bool], Estimate]
+    lead: Callable[[Estimate], tuple[Estimate, Told | None]]
+
 
 # A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
 # predicted orientation, or where it moves the middle of the disk by less than so many pixels.
@@ -68,7 +77,7 @@ class Orientation:
 
 def oriented(
     observation: Observation,
-    solve: Solve,
+    solvers: Solvers,
     start: State,
     metadata: State,
     sigmas: Array,
@@ -76,13 +85,14 @@ def oriented(
     markings_match: bool,
     is_held: bool,
 ) -> tuple[Estimate, Told | None, Orientation]:
-    """The estimate of `solve` from `start` with the orientation that the image bears out, what the limb told, and the
+    """The estimate from `start` with the orientation that the image bears out, what the limb told, and the
     verdict.
 
     sigmas: (8,) of the priors. markings_match: False where the markings are already known not to be the map's. is_held:
     whether the user holds the attitude.
     """
-    estimate, led = solve(start, is_held)
+    found = solvers.solve(start, is_held)
+    estimate, led = solvers.lead(found)
     prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
     if np.ptp(scene.basemap.albedo) == 0:
         return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
@@ -92,10 +102,12 @@ def oriented(
     if verdict.better_deg is not None:
         elsewhere = estimate.state.moved(step_of(verdict.better_deg), scene.camera)
         if within_prior(elsewhere.pose, metadata.pose, prior_deg):
-            again, led_again = solve(elsewhere, False)
+            found_again = solvers.solve(elsewhere, False)
+            again, led_again = solvers.lead(found_again)
             verdict_again, texture_again = judged_at(observation, again.state.pose, scene, prior_deg)
             if verdict_again.verdict == "matched" and (verdict_again.sigmas or 0) > (verdict.sigmas or 0):
-                estimate, led, verdict, texture = again, led_again, verdict_again, texture_again
+                found, estimate, led = found_again, again, led_again
+                verdict, texture = verdict_again, texture_again
     turn = turn_between(estimate.state.pose, metadata.pose)
     turn_deg = vector_deg_from_rotation(turn)
     angle = float(np.linalg.norm(turn_deg))
@@ -108,7 +120,7 @@ def oriented(
             estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
-    held, led_held = solve(predicted, True)
+    held, led_held = solvers.lead(solvers.solve(predicted, True))
     verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
     # Two orientations that both fail are no match, and what no flow could follow is none either.
     if not markings_match and verdict_there.verdict == "undetermined":
@@ -116,7 +128,9 @@ def oriented(
     known = Orientation(verdict_there, "prior", angle, gain)
     if verdict_there.verdict == "mismatched":
         # Markings that are not the image's pull a body that is held at them; one that was free has turned them away.
-        return with_prior(turned_back(estimate, metadata.pose), held, sigmas, False, scene), led, known
+        # Turned back it has another outline, which the limb leads anew.
+        back, led_back = solvers.lead(turned_back(found, metadata.pose))
+        return with_prior(back, held, sigmas, False, scene), led_back, known
     return with_prior(held, estimate, sigmas, False, scene), led_held, known
 
 

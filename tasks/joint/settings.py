@@ -53,17 +53,14 @@ class SystematicSettings(BaseModel):
     size of a pixel (`orientation.ACROSS_PX`), and roll_deg of the camera's roll, which the shading tells beside its
     prior. limb_gain: centre_px and limb_px are of maps whose brightness along the limb is right to so much, relative
     (see `tiles.limb_gain`); where it is off by more, they grow in proportion. distortion_share: part of the distortion
-    model's error that the disk's limb does not average out. On 60
-    scenes of the honesty benchmark, six laws, radius 12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and
-    73 % of the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2, by 0.008 and 0.025 for
-    centre_px and limb_px; the present ones are twice as wide, as Enceladus' limb and ranges against the trajectory ask
-    for. map_frame_deg: how
-    far a map lies from the frame of its body's coordinates, about each axis; two maps of Europa are 0.09 deg apart
-    about one and 0.11 deg about the other."""
+    model's error that the disk's limb does not average out. On 60 scenes of the honesty benchmark, six laws, radius
+    12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and 73 % of the centres (each coordinate) lay within
+    1 sigma, 98 and 97 % within 2. map_frame_deg: how far a map lies from the frame of its body's coordinates, about
+    each axis; two maps of Europa are 0.09 deg apart about one and 0.11 deg about the other."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
-    centre_px: float = Field(0.015, ge=0)
-    limb_px: float = Field(0.05, ge=0)
+    centre_px: float = Field(0.008, ge=0)
+    limb_px: float = Field(0.025, ge=0)
     attitude_deg: float = Field(0.03, ge=0)
     map_frame_deg: float = Field(0.1, ge=0)
     roll_deg: float = Field(0.03, ge=0)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
 
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
@@ -87,6 +88,18 @@ def test_a_dark_sky_hides_nothing_however_noisy_and_wherever_the_pose_is(
     seen = observed(SKY_DN + light, noise_dn)
     assert light_behind(seen, pose, SCENE, framed_window(SCENE, pose)) is None
     assert match_scene(seen, SCENE, pose).simulation.hides == 0
+
+
+@pytest.mark.parametrize("scattered", [0.02, 0.06])
+@pytest.mark.parametrize("diameter_px", [14, 30])
+def test_light_that_optics_scatter_around_a_small_disk_is_no_body_behind_it(diameter_px: int, scattered: float) -> None:
+    """A disk that is less than half a per cent of its frame, with a halo of 12 px beside a sharp core."""
+    camera = small_camera(diameter_px=diameter_px, size_px=(900, 900))
+    scene, truth = scene_of(camera, "mixture", oversample=3), true_pose(camera, (430.4, 461.7))
+    light = clean_image(scene_of(camera, "lunar-lambert", oversample=7), truth) - np.float32(SKY_DN)
+    halo = np.asarray(gaussian_filter(light.astype(float), 12.0))
+    seen = observed(SKY_DN + (1 - scattered) * light + scattered * halo * light.max() / halo.max(), 1.0)
+    assert light_behind(seen, truth, scene, framed_window(scene, truth)) is None
 
 
 @pytest.mark.parametrize("ratio", RATIOS)
