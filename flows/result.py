@@ -17,7 +17,7 @@ from flows.verdict import PUBLISHED, doubts
 from tasks.atomic import without_temporaries
 from tasks.diagnose.step import OVERLAY, TRIED
 from tasks.publish.step import stated_of
-from tasks.registry import INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
+from tasks.registry import IMAGE_POSE, INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
 
 EMPTY: dict[str, Any] = {
     "product": None,
@@ -125,7 +125,7 @@ def file_trouble(error: OSError) -> str:
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:
     """Camera, target, time and source of the pose, as far as the chain came."""
-    frame, predicted = chain.last(INGEST), chain.last(POSE)
+    frame, predicted = chain.last(INGEST), chain.last(POSE) or chain.last(IMAGE_POSE)
     known: dict[str, Any] = {}
     if frame:
         known |= {"warnings": list(frame.result.warnings)}

@@ -36,8 +36,8 @@ ROUNDS = 2
 class ImagePose:
     """pose: found in the image. has_orientation: whether its sub-spacecraft point and north are the image's; else they
     are arbitrary. range_sigma: relative; centre_sigma_px: (2,); sun_sigma_deg: of the Sun's direction, attitude_sigma_deg:
-    of the orientation about each axis, 1-sigma all. evidence: plain JSON values. doubt: what stays unknown, as
-    `code: fault. Remedy.`; None where nothing does."""
+    of the orientation about each axis, 1-sigma all. evidence: plain JSON values. doubts: what stays unknown, each as
+    `code: fault. Remedy.`"""
 
     pose: Pose
     has_orientation: bool
@@ -46,7 +46,16 @@ class ImagePose:
     sun_sigma_deg: float
     attitude_sigma_deg: float
     evidence: dict[str, Any] = field(default_factory=dict)
-    doubt: str | None = None
+    doubts: tuple[str, ...] = ()
+
+    def sigmas(self) -> dict[str, Any]:
+        """1-sigma of every part, as plain JSON values."""
+        return {
+            "centre_px": list(self.centre_sigma_px),
+            "range_relative": self.range_sigma,
+            "sun_deg": self.sun_sigma_deg,
+            "attitude_deg": self.attitude_sigma_deg,
+        }
 
 
 def find_pose(observation: Observation, scene: Scene, et: float | None, settings: ImagePoseSettings) -> ImagePose:
@@ -84,7 +93,7 @@ def find_pose(observation: Observation, scene: Scene, et: float | None, settings
         sun_sigma_deg=sun_sigma,
         attitude_sigma_deg=settings.map.sigma_deg if known else UNKNOWN_DEG,
         evidence=evidence_of_parts(found, pose, scene, search, report, et),
-        doubt=doubt_of(found, has_map, search, et),
+        doubts=doubts_of(found, has_map, search, et),
     )
 
 
@@ -182,8 +191,8 @@ def evidence_of_parts(
     }
 
 
-def doubt_of(found: Found, has_map: bool, search: MapSearch, et: float | None) -> str | None:
-    """What the image leaves unknown, as doubts."""
+def doubts_of(found: Found, has_map: bool, search: MapSearch, et: float | None) -> tuple[str, ...]:
+    """What the image leaves unknown, each as `code: fault. Remedy.`"""
     doubts = []
     if search.turn is None:
         why = "the target has no base map, so that nothing in the image tells its orientation"
@@ -209,4 +218,4 @@ def doubt_of(found: Found, has_map: bool, search: MapSearch, et: float | None) -
             "time-unknown: the label gives no time, and the image cannot: the pose's time is J2000's epoch. Give a pose "
             "file with utc, et or all of the geometry."
         )
-    return " ".join(doubts) or None
+    return tuple(doubts)

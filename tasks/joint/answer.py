@@ -27,7 +27,7 @@ from tasks.joint.estimate import (
 from tasks.joint.limb_led import led_by_limb
 from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
-from tasks.joint.settings import JointSettings
+from tasks.joint.settings import JointSettings, PriorSettings
 from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import untold_directions
 from tasks.point.rotation import is_offset_from, pose_facing
@@ -52,19 +52,21 @@ def find_pose_jointly(
     progress: Progress | None = None,
     distortion: DistortionError = EXACT,
     markings_match: bool = True,
+    own_priors: PriorSettings | None = None,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
     pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
-    image's: the attitude is then told as no better known than by its prior. changed and
+    image's: the attitude is then told as no better known than by its prior. own_priors: of this predicted pose, in
+    place of those of its sources. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
     elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
     Raises FailedError when too few pixels are usable.
     """
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
-    priors = settings.priors.of(sources, has_map=not is_uniform(scene))
+    priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
     start = State(pose, scene.psf_sigma_px)
     is_held = "attitude" in settings.hold

@@ -28,7 +28,7 @@ from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
-Source = Literal["spice", "label", "file"]
+Source = Literal["spice", "label", "file", "image"]
 
 # How far away the second start lies: pixels of the centre, of the limb, degrees.
 SECOND_START = (1.2, -0.9, 0.8, 0.3)

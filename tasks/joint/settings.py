@@ -22,13 +22,15 @@ class PriorSettings(BaseModel):
 
 class SourcePriors(BaseModel):
     """Priors by where the predicted pose comes from: trajectories of kernels and labels are known to some ten
-    kilometres, a pose file may hold anything. unchecked_attitude_deg: the attitude of a pose file for a target without
+    kilometres, a pose file may hold anything. image: of poses found in the image whose own errors are not at hand (each
+    has its own, see `tasks.initial_pose`). unchecked_attitude_deg: the attitude of a pose file for a target without
     a map, whose markings cannot test it; None takes it for as good as any other file's."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     spice: PriorSettings = PriorSettings()
     label: PriorSettings = PriorSettings(range_relative=5e-4)
     file: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
+    image: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
     unchecked_attitude_deg: float | None = Field(30.0, gt=0)
 
     def of(self, sources: Mapping[str, str], has_map: bool = True) -> PriorSettings:
