@@ -30,7 +30,7 @@ from tasks.image_file import ImageFiles, ImageInputs
 from tasks.ingest.pose_step import PoseFiles, PoseInputs, PredictedPose
 from tasks.ingest.start_step import StartInputs
 from tasks.ingest.step import IngestInputs, IngestResult
-from tasks.initial_pose.step import ImagePoseInputs
+from tasks.initial_pose.step import ImagePoseFiles, ImagePoseInputs
 from tasks.objectstore.step import UploadFiles, UploadInputs
 from tasks.publish.origin import origin_of
 from tasks.publish.step import PublishFiles, PublishInputs, PublishResult
@@ -144,12 +144,17 @@ def mapped_scene(
 
 
 def of_image_pose(
-    request: Request, frame: IngestResult, undistorted: Done[UndistortResult]
-) -> tuple[ImagePoseInputs, SceneFiles]:
+    request: Request, frame: IngestResult, undistorted: Done[UndistortResult], lists: KernelLists
+) -> tuple[ImagePoseInputs, ImagePoseFiles, Watched]:
     """For the step `image_pose`."""
+    kernels = lists.of(request.kernel_paths)
     target = find_target(request.target or frame.target_name, request.kernel_paths)
     scene, files = mapped_scene(request, frame, target, undistorted)
-    return ImagePoseInputs(scene=scene, et=frame.et, settings=request.profile.image_pose), files
+    inputs = ImagePoseInputs(
+        scene=scene, et=frame.et, kernels=kernel_inputs(kernels), settings=request.profile.image_pose
+    )
+    image_files = ImagePoseFiles(files.image, files.basemap, tuple(request.kernel_paths))
+    return inputs, image_files, tuple((kernel.path, kernel.sha256) for kernel in kernels)
 
 
 def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[StartInputs, NoFiles]:

@@ -17,7 +17,8 @@ def predicted_pose(chain: Chain, frame: IngestResult) -> tuple[PredictedPose, Do
     request = chain.request
     if request.pose_is_in_image:
         undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
-        return chain.do(IMAGE_POSE, *inputs.of_image_pose(request, frame, undistorted)).result, undistorted
+        found = chain.do(IMAGE_POSE, *inputs.of_image_pose(request, frame, undistorted, chain.kernels))
+        return found.result, undistorted
     predicted = chain.do(POSE, *inputs.of_pose(request, frame, chain.kernels)).result
     return predicted, chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
 

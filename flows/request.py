@@ -13,8 +13,8 @@ from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.mask import MAX_MASK_BYTES
-from catalog.pose import IN_IMAGE
 from catalog.plain_text import is_text, shown_path
+from catalog.pose import IN_IMAGE
 from catalog.readers import image_is_folder
 from catalog.readers.reading import MAX_FILE_BYTES
 from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
@@ -53,9 +53,9 @@ def _name_of_file(known: dict[str, Any]) -> str:
 class Request(BaseModel):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. camera,
     target, pose_file, basemap: override what the file says or does not say; None asks the file and the catalog, a
-    basemap "none" takes none. shape:
-    model that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
-    environment. A pose file "image" stands for a pose found in the image itself. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
+    basemap "none" takes none, a pose file "image" stands for a pose that is found in the image itself. shape: model
+    that the cube's planes are projected on. kernels: files, folders or meta-kernels; None takes those of the
+    environment. profile: its settings, or its name or file; settings build on the default profile as a file's do, and
     what it holds stays. start_offset_px: added to the predicted centre beforehand. mask: file whose non-zero pixels are
     not used. resume: an earlier result to start from, see `flows.guidance`. flip: how the picture is flipped before
     anything else. publish_to: URL of an object store that the product is copied to from `store`."""

@@ -36,7 +36,7 @@ def correct(
     ] = None,
     camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
     target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
-    pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
+    pose: Annotated[File, typer.Option(help="Pose file (JSON), over kernels and label; or image: found in it.")] = None,
     map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body; or none.")] = None,
     map_left_edge_deg: Annotated[
         float, typer.Option(min=-360, max=360, help="East longitude of the map's left edge.")

@@ -7,6 +7,7 @@ from catalog.basemap import NO_MAP
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.pose import IN_IMAGE
 from catalog.target import is_target_file
 from flows.profile import Profile, find_profile
 from flows.reprocessing.settings import Settings
@@ -54,7 +55,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
         publish_to=settings.publish_to,
         camera=camera,
         target=target,
-        pose_file=here(entry.pose_file),
+        pose_file=Path(IN_IMAGE) if entry.pose_file == IN_IMAGE else here(entry.pose_file),
         basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
         flip=entry.flip,

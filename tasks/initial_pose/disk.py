@@ -21,6 +21,8 @@ ARC_SHARE = 0.7
 CHUNK, BEST = 200, 40
 # A second disk counts where so many degrees of it are its own.
 SAME_DISK_SHARE = 0.3
+# Of a disk that is certainly another: how much of the best one it may cover, and its least score, as shares of its.
+OVERLAP, LEAST_SHARE = 0.5, 0.05
 # A ring just outside the limb is light of something else where it is brighter than this share of the limb's step.
 LIT_SHARE = 0.5
 
@@ -57,7 +59,8 @@ def find_disks(edges: Edges, settings: LimbSearchSettings) -> list[Disk]:
         part = circles[first : first + CHUNK]
         scores[first : first + CHUNK] = [limb_length(circle, xy, inward, weight, settings) for circle in part]
     found: list[Disk] = []
-    for index in np.argsort(-scores)[:BEST]:
+    order = np.argsort(-scores)
+    for index in [*order[:BEST], *elsewhere(circles, scores, order[BEST:])]:
         centre, radius = circles[index, :2], float(circles[index, 2])
         score = float(scores[index]) * (1 - lit_outside(edges, centre, radius))
         if score > 0:
@@ -68,6 +71,16 @@ def find_disks(edges: Edges, settings: LimbSearchSettings) -> list[Disk]:
         if all(is_another(disk, other) for other in distinct):
             distinct.append(disk)
     return distinct
+
+
+def elsewhere(circles: Array, scores: Array, order: NDArray[np.intp]) -> list[int]:
+    """Indices, the best first, of circles that are of other disks than the best one's: all of the best may be one."""
+    if not len(order):
+        return []
+    best = circles[int(np.argmax(scores))]
+    apart = np.hypot(*(circles[order, :2] - best[:2]).T)
+    others = order[(apart > circles[order, 2] + OVERLAP * best[2]) & (scores[order] > LEAST_SHARE * scores.max())]
+    return [int(i) for i in others[:BEST]]
 
 
 def is_another(disk: Disk, other: Disk) -> bool:

@@ -19,8 +19,9 @@ FALL_SIGMAS, FALL_SHARE = 4.0, 0.03
 FEWEST_POINTS, MOST_POINTS = 8, 1440
 # Points beside each other err together over so many of them.
 TOGETHER = 8.0
-# Where limbs of simulated images lie beside the true ones, by law and blur, 1-sigma.
-SYSTEMATIC_PX = 0.3
+# By law and blur the brightness falls fastest inside the true limb, 1-sigma of centre and radius: of a Lambert sphere
+# seen from the Sun's side by 1.3 px, of one whose limb is bright by 0.2 px or less (blur 0.9 px).
+CENTRE_PX, RADIUS_PX = 0.3, 0.8
 # The limb's lit half, without its ends, where limb and terminator meet.
 LIT_COSINE = 0.15
 # A body's flattening is solved for where it moves the limb by more than this.
@@ -101,7 +102,7 @@ def points_along(edges: Edges, values: Array, reach: float) -> Array:
     seen = (x >= 1) & (y >= 1) & (x <= nx - 2) & (y <= ny - 2)
     known = values_at(edges.usable.astype(np.float32), x.ravel(), y.ravel()).reshape(x.shape) > 0.99
     profile = values_at(smooth, x.ravel(), y.ravel()).reshape(x.shape).astype(np.float64)
-    beside = max(int(round(1.0 / STEP_PX)), 1)
+    beside = max(round(1.0 / STEP_PX), 1)
     fall = profile[:, : -2 * beside] - profile[:, 2 * beside :]
     best = np.argmax(fall, axis=1).clip(1, fall.shape[1] - 2)
     rows = np.arange(count)
@@ -147,7 +148,9 @@ def fitted(points: Array, start: Array, largest: float) -> tuple[Array, Array, f
     normal = design.T @ design
     errors = np.linalg.pinv(normal) * TOGETHER * max(scale, 0.1) ** 2
     radius = float(np.exp(values[2]))
-    covariance = errors[:3, :3] + np.diag([SYSTEMATIC_PX, SYSTEMATIC_PX, SYSTEMATIC_PX / radius]) ** 2
+    # The shorter the arc, the more such an error of its ends moves the centre.
+    centre_px = CENTRE_PX * float(np.sqrt(360 / max(arc_of(points[inliers] - values[:2]), 5.0)))
+    covariance = errors[:3, :3] + np.diag([centre_px, centre_px, RADIUS_PX / radius]) ** 2
     full = np.concatenate([values, np.zeros(5 - len(values))])
     if np.hypot(*full[3:]) > largest > 0:
         full[3:] *= largest / np.hypot(*full[3:])

@@ -191,7 +191,7 @@ def distinct(found: list[tuple[float, Array]], apart_deg: float) -> list[tuple[f
 
 
 def climb(texture: Texture, turn: Array, step_deg: float, last_deg: float) -> tuple[float, Array]:
-    """The nearest maximum of the evidence from a turn, by ever shorter steps about three axes: its evidence and turn."""
+    """The nearest maximum of the evidence from a turn, by ever shorter steps about three axes: evidence and turn."""
     independent = measurements(texture)
     best = evidence_of(texture.correlations(turn), independent)
     while step_deg > last_deg:

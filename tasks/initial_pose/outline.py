@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Observation
 from catalog.target import Target
@@ -52,7 +51,7 @@ class Found:
     rival: Outline | None
 
 
-def find_outline(observation: Observation, camera: Camera, target: Target, settings: LimbSearchSettings) -> Found:
+def find_outline(observation: Observation, target: Target, settings: LimbSearchSettings) -> Found:
     """The outline of the target anywhere in the frame.
 
     Raises RefusedError `no-limb` where no edge in the frame is the limb of a body, `limb-too-short` where what is seen
@@ -149,7 +148,7 @@ def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> Refused
     sigma = float(np.sqrt(short.limb.covariance[2, 2]))
     return RefusedError(
         "limb-too-short",
-        f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk about {2 * short.limb.mean_px:.0f} px across; "
+        f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
         f"its radius would be known to {sigma:.0%} (needed: {settings.arc_deg:g} deg and {settings.radius_sigma:.0%}).",
         REMEDY,
     )

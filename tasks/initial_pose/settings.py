@@ -12,8 +12,8 @@ class LimbSearchSettings(BaseModel):
     share of that inside, above which it is none of a limb. Of a disk, likeness: the least correlation of the image with
     a lit sphere of its limb and the sky around it (bodies on 14 real frames: 0.81 and more; craters and clouds: 0.75
     and less, but for specks); lit_share: the least part of its sunlit limb within the frame that is an edge; sky_share:
-    the brightest sky beside its limb, as a share of the brightness inside; ring_share: the largest part of a ring around
-    it that is lit."""
+    the brightest sky beside its limb, as a share of the brightness inside; ring_share: the largest part of a ring
+    around it that is lit."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     edge_sigmas: float = Field(6.0, gt=0)

@@ -1,5 +1,8 @@
 """The cached step: image_pose, the pose found in the image itself."""
 
+from dataclasses import dataclass
+from pathlib import Path
+
 from catalog.pose import IN_IMAGE, POSE_KEYS
 from tasks.fields import Content
 from tasks.ingest.pose_step import PredictedPose
@@ -17,16 +20,26 @@ WIDER, LEAST_RANGE = 4.0, 0.02
 
 
 class ImagePoseInputs(Content):
-    """What the result depends on. et: of mid-exposure, None where the label does not say."""
+    """What the result depends on. et: of mid-exposure, None where the label does not say. kernels: name and content
+    of each, in the order of loading."""
 
     scene: SceneInputs
     et: float | None
+    kernels: tuple[tuple[str, str], ...]
     settings: ImagePoseSettings
 
 
-def run(inputs: ImagePoseInputs, files: SceneFiles, _: Work) -> PredictedPose:
+@dataclass(frozen=True)
+class ImagePoseFiles(SceneFiles):
+    """kernels: files, folders and meta-kernels."""
+
+    kernels: tuple[Path, ...]
+
+
+def run(inputs: ImagePoseInputs, files: ImagePoseFiles, _: Work) -> PredictedPose:
     """The pose found in the image itself, for known camera and target (see `find_pose`)."""
-    found = find_pose(load_observation(files.image), scene_of(inputs.scene, files), inputs.et, inputs.settings)
+    observation, scene = load_observation(files.image), scene_of(inputs.scene, files)
+    found = find_pose(observation, scene, inputs.et, inputs.settings, files.kernels)
     return PredictedPose(
         pose=found.pose,
         target=inputs.scene.target,
@@ -41,7 +54,5 @@ def run(inputs: ImagePoseInputs, files: SceneFiles, _: Work) -> PredictedPose:
     )
 
 
-TOLD_AS = {"scene.basemap": "base map", "et": "time in the label"}
-STEP = StepType(
-    "image_pose", run, PredictedPose, ImagePoseSettings, changes=frozenset({"pose"}), told_as=TOLD_AS
-)
+TOLD_AS = {"kernels": "kernels", "scene.basemap": "base map", "et": "time in the label"}
+STEP = StepType("image_pose", run, PredictedPose, ImagePoseSettings, changes=frozenset({"pose"}), told_as=TOLD_AS)

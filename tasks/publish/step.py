@@ -170,7 +170,9 @@ def provenance(inputs: PublishInputs, found: Found) -> Json:
     return {
         "image": frame.model_dump(mode="json", include={"product", "sha256", "format", "exposure_s", "filter"}),
         "label": frame.label,
-        "initial_pose": predicted.model_dump(mode="json", include={"source", "sources", "missing", "evidence", "priors"}),
+        "initial_pose": predicted.model_dump(
+            mode="json", include={"source", "sources", "missing", "evidence", "priors"}
+        ),
         "kernels": list(predicted.kernels),
         "basemap": inputs.scene.basemap.model_dump(mode="json"),
         "undistort": found.undistort.model_dump(mode="json"),
