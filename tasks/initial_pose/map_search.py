@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 # Sizes of markings that the grid is searched by, Gaussian widths in steps of the grid: with all that are larger the
 # right orientation of three images was the 440th to 3887th of 68 760, between these it was the first.
 BAND_SHARES = (1 / 3, 4 / 3)
+# Steps of the climb from the grid, as shares of its own.
+CLIMB_SHARES = (0.4, 0.4, 0.2, 0.2)
 # The climb's first step, of the grid's, and its last, in pixels of the disk's middle.
 FIRST_SHARE, LAST_PX = 0.5, 0.25
 
@@ -62,7 +64,9 @@ def search_map(observation: Observation, pose: Pose, scene: Scene, settings: Map
         return MapSearch(None)
     turns = grid_of_turns(settings.step_deg)
     scores = grid_scores(coarse, scene, turns, settings.step_deg)
-    starts = [turns[i] for i in distinct_best(scores, turns, settings.kept, settings.step_deg)]
+    best = turns[np.argsort(-scores)[: settings.followed]]
+    scores, best = climbed_together(coarse, scene, best, settings.step_deg)
+    starts = [best[i] for i in distinct_best(scores, best, settings.kept, settings.step_deg)]
     step = FIRST_SHARE * settings.step_deg
     climbed = ranked([climb(coarse, turn, step, LAST_PX * coarse.pixel_deg) for turn in starts])
     climbed = distinct(climbed, settings.step_deg)[: settings.refined_kept]
@@ -70,10 +74,10 @@ def search_map(observation: Observation, pose: Pose, scene: Scene, settings: Map
     found = distinct(
         ranked([climb(fine, turn, step, LAST_PX * fine.pixel_deg) for _, turn in climbed]), settings.distinct_deg
     )
-    best, turn = found[0]
+    evidence, turn = found[0]
     other = found[1][0] if len(found) > 1 else 0.0
-    stands_out = best > settings.sigmas**2 and is_better(best, other * settings.times_next / 2)
-    return MapSearch(turn if stands_out else None, signed_root(best), signed_root(other), len(turns))
+    stands_out = evidence > settings.sigmas**2 and is_better(evidence, other * settings.times_next / 2)
+    return MapSearch(turn if stands_out else None, signed_root(evidence), signed_root(other), len(turns))
 
 
 @lru_cache(maxsize=2)
@@ -108,6 +112,20 @@ def grid_scores(texture: Texture, scene: Scene, turns: Array, step_deg: float) -
     edge = float(np.radians(scene.basemap.left_edge_deg))
     single = [np.ascontiguousarray(each, np.float32) for each in (*arrays, turns)]
     return np.asarray(_correlations(*single[:-1], edge, single[-1]), np.float64)
+
+
+def climbed_together(texture: Texture, scene: Scene, turns: Array, step_deg: float) -> tuple[Array, Array]:
+    """Turns (n, 3, 3) of the grid moved uphill by ever shorter steps about three axes, all at once, and their scores
+    (n,): between the grid's orientations the right one may be a good deal higher than next to it."""
+    scores = grid_scores(texture, scene, turns, step_deg)
+    for share in CLIMB_SHARES:
+        steps = [rotation_from_vector_deg(sign * share * step_deg * axis) for axis in np.eye(3) for sign in (1, -1)]
+        trials = np.stack([turns, *(step @ turns for step in steps)])
+        found = grid_scores(texture, scene, trials[1:].reshape(-1, 3, 3), step_deg).reshape(len(steps), -1)
+        best = np.concatenate([scores[None], found]).argmax(axis=0)
+        scores = np.concatenate([scores[None], found])[best, np.arange(len(turns))]
+        turns = trials[best, np.arange(len(turns))]
+    return scores, turns
 
 
 def blurred_within(plane: NDArray[np.float32], texture: Texture, width_deg: float) -> Array:
