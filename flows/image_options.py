@@ -79,7 +79,9 @@ class ImageOptions(Options):
 
     camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
     target: Text = opt(description="Target name, or FILE.toml; overrides the label.")
-    pose_file: Annotated[File, Cli(("--pose",))] = opt(description="Pose file (JSON); overrides kernels and label.")
+    pose_file: Annotated[File, Cli(("--pose",))] = opt(
+        description="Pose file (JSON), over kernels and label; or image: found in it."
+    )
     basemap: Annotated[File, Cli(("--map",))] = opt(
         description="Base map: an equirectangular picture of the whole body; or none."
     )

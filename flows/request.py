@@ -13,6 +13,7 @@ from catalog.input_file import digest_of
 from catalog.made_camera import ISD, file_in, is_made
 from catalog.names_digest import camera_names_digest
 from catalog.plain_text import is_text, shown_path
+from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
 from catalog.target import Target, find_target, is_target_file
@@ -36,7 +37,8 @@ def _name_of_file(known: dict[str, Any]) -> str:
 
 class Request(ImageOptions):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. None of
-    camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none. kernels:
+    camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none, a pose file
+    "image" stands for a pose that is found in the image itself. kernels:
     files, folders or meta-kernels; None takes those of the environment. profile: its settings, or its name or file;
     settings build on the default profile as a file's do, and what it holds stays. resume: see `flows.guidance`.
     publish_to: URL of an object store that the product is copied to from `store`."""
@@ -73,6 +75,11 @@ class Request(ImageOptions):
         """The pose file; for a camera from an ISD the ISD, which holds both."""
         is_isd = self.camera is not None and self.camera.lower().startswith(ISD)
         return file_in(str(self.camera)) if self.pose_file is None and is_isd else self.pose_file
+
+    @property
+    def pose_is_in_image(self) -> bool:
+        """Whether the pose is to be found in the image itself."""
+        return str(self.pose_file) == IN_IMAGE
 
     @property
     def kernel_paths(self) -> list[Path]:

@@ -17,7 +17,7 @@ from tasks.accept.acceptance import (
 )
 from tasks.accept.rest import at_rest
 from tasks.diagnose.diagnosis import MAP
-from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, POINT, VALIDATE
+from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, IMAGE_POSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
 CONSEQUENCES = (
@@ -48,6 +48,8 @@ def doubts(chain: Chain) -> list[str]:
     diagnosed = chain.last(DIAGNOSE)
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)
+    by_image = chain.last(IMAGE_POSE)
+    found += by_image.result.doubts if by_image else ()
     if judged:
         report = judged.result
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
