@@ -75,12 +75,12 @@ def of_ingest(request: Request) -> tuple[IngestInputs, ImageFiles, Watched]:
         target_names=target_names_digest(),
         product=request.product,
     )
-    return inputs, ImageFiles(request.image, request.camera), watched_image(request, image)
+    return inputs, ImageFiles(request.image, request.camera_name), watched_image(request, image)
 
 
 def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[PoseInputs, PoseFiles, Watched]:
     """For the step `pose`."""
-    image, pose_file = image_inputs(request, frame.sha256), request.pose_file
+    image, pose_file = image_inputs(request, frame.sha256), request.pose_path
     kernels = lists.of(request.kernel_paths)
     inputs = PoseInputs(
         image=image,
@@ -90,7 +90,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
     )
-    files = PoseFiles(request.image, request.camera, pose_file, tuple(request.kernel_paths))
+    files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))
     watched = (*watched_image(request, image), *((kernel.path, kernel.sha256) for kernel in kernels))
     if pose_file and inputs.pose_file:
         watched += ((pose_file, inputs.pose_file),)
@@ -109,7 +109,7 @@ def of_undistort(request: Request, frame: IngestResult) -> tuple[UndistortInputs
         mask=digest_of(mask, "mask") if mask else None,
     )
     watched = watched_image(request, image) + (((mask, inputs.mask),) if mask and inputs.mask else ())
-    return inputs, UndistortFiles(request.image, request.camera, mask), watched
+    return inputs, UndistortFiles(request.image, request.camera_name, mask), watched
 
 
 def reseau_digests(camera: Camera, settings: UndistortSettings) -> dict[str, str]:

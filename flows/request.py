@@ -10,10 +10,12 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, FiniteFloat,
 from catalog.basemap import MAX_MAP_BYTES, NO_MAP, packaged_map_path
 from catalog.body import MAX_SHAPE_BYTES
 from catalog.camera import Camera, find_camera, known_cameras
+from catalog.camera_store import camera_as_file
 from catalog.digest import input_changed, sha256_of_file, sha256_of_json
 from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.image_mode import Window
+from catalog.made_camera import ISD, file_in, is_made
 from catalog.mask import MAX_MASK_BYTES
 from catalog.plain_text import is_text, shown_path
 from catalog.readers import image_is_folder
@@ -23,7 +25,7 @@ from catalog.regular_file import MAX_TEXT_BYTES, ChangedError, TooLargeError
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import cache_folder, default_kernels
 from catalog.spice import Kernel, list_kernels
-from catalog.target import Target, find_target, is_target_file, known_targets
+from catalog.target import Target, find_target, further_targets, is_target_file, known_targets
 from flows.defaults import DEFAULT_PROFILE
 from flows.profile import Profile, find_profile, profile_of
 from tasks.scene_inputs import UNIFORM, BaseMapInputs
@@ -98,6 +100,19 @@ class Request(BaseModel):
         return self.store / self.product
 
     @property
+    def camera_name(self) -> str | None:
+        """The camera's name or file; one that is made (from kernels, an ISD, a cube) is a file in the cache."""
+        if self.camera is None or not is_made(self.camera):
+            return self.camera
+        return str(camera_as_file(self.camera, self.kernel_paths, self.cache / "cameras"))
+
+    @property
+    def pose_path(self) -> Path | None:
+        """The pose file; for a camera from an ISD the ISD, which holds both."""
+        is_isd = self.camera is not None and self.camera.lower().startswith(ISD)
+        return file_in(str(self.camera)) if self.pose_file is None and is_isd else self.pose_file
+
+    @property
     def kernel_paths(self) -> list[Path]:
         """The kernels to use."""
         return list(self.kernels) if self.kernels is not None else default_kernels()
@@ -138,7 +153,7 @@ def refuse_what_is_no_text(request: Request) -> None:
 def camera_inputs(request: Request) -> Camera | str:
     """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
     if request.camera is not None:
-        return find_camera(request.camera)
+        return find_camera(str(request.camera_name))
     return camera_names_digest()
 
 
@@ -158,7 +173,7 @@ def camera_names_digest() -> str:
 @cache
 def target_names_digest() -> str:
     """Content of the catalog's target files, and of those of plugins, whose spellings labels are compared with."""
-    return _digest_of(known_targets())
+    return _digest_of(known_targets() | further_targets())
 
 
 def _digest_of(known: Mapping[str, BaseModel]) -> str:

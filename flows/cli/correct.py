@@ -34,7 +34,9 @@ def correct(
         list[str] | None,
         typer.Option(metavar="NAME", help="Name of the product instead of the file's; once for each file."),
     ] = None,
-    camera: Annotated[Text, typer.Option(help="Camera name, or FILE.toml; overrides the label.")] = None,
+    camera: Annotated[
+        Text, typer.Option(help="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
+    ] = None,
     target: Annotated[Text, typer.Option(help="Target name, or FILE.toml; overrides the label.")] = None,
     pose: Annotated[File, typer.Option(help="Pose file (JSON); overrides kernels and label.")] = None,
     map: Annotated[File, typer.Option(help="Base map: an equirectangular picture of the whole body; or none.")] = None,

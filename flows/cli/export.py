@@ -21,7 +21,9 @@ def export(
     paths: Annotated[list[Path], typer.Argument(help="Products' folders, or stores.", show_default=False)],
     format: Annotated[
         list[str],
-        typer.Option("--format", "-f", help="fits, geotiff, cog, zarr-map, stac, csv, parquet; repeat for more."),
+        typer.Option(
+            "--format", "-f", help="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Folder that files are written into.")] = Path("export"),
     projection: Annotated[

@@ -7,6 +7,7 @@ from catalog.basemap import NO_MAP
 from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.made_camera import file_in, is_made
 from catalog.target import is_target_file
 from flows.profile import Profile, find_profile
 from flows.reprocessing.settings import Settings
@@ -44,6 +45,8 @@ def request_of(image_list: ImageList, entry: ImageEntry, settings: Settings, pro
     camera = entry.camera
     if camera and camera.endswith(".toml"):
         camera = str(image_list.located(camera, settings.archive))
+    if camera and is_made(camera) and (file := file_in(camera)):
+        camera = f"{camera.partition(':')[0]}:{image_list.located(str(file), settings.archive)}"
     target = entry.target
     if target and is_target_file(target):
         target = str(image_list.located(target, settings.archive))

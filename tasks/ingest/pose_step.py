@@ -45,12 +45,12 @@ class PredictedPose(Content):
 
 
 def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
-    """The predicted pose, from pose file, SPICE or label (see `initial_pose`).
+    """The predicted pose, from pose file or ISD, SPICE, tables of an ISIS cube or label (see `initial_pose`).
 
     The target is looked up here too, for a kernel may define it."""
     frame = frame_of(inputs.image, files)
     target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
-    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file)
+    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip)
     return PredictedPose(
         pose=found.pose,
         target=target,

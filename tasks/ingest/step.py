@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from catalog.camera import find_camera
+from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
 from catalog.image_mode import FULL_FRAME
 from catalog.observation import Frame
@@ -69,7 +70,9 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
         product=frame.product,
         sha256=frame.sha256,
         format=frame.format,
-        camera=find_camera(str(files.camera or frame.camera)).summed(frame.mode.summing),
+        camera=find_camera(str(files.camera or frame.camera))
+        .at(frame.filter, temperature_of_label(frame.label))
+        .summed(frame.mode.summing),
         target_name=frame.target,
         et=frame.et,
         exposure_s=frame.exposure_s,
