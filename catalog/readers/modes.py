@@ -86,7 +86,7 @@ def in_whole_frame(reading: Reading, mode: ImageMode, camera: Camera) -> Reading
     quality = np.zeros(shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
     geometry = reading.label_geometry
     if geometry is not None:
-        x0, y0 = (place / mode.summing for place in mode.window[:2])
+        x0, y0 = mode.first_px
         geometry = {
             **geometry,
             "centre_x_px": geometry["centre_x_px"] + x0,
