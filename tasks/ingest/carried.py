@@ -51,9 +51,9 @@ def orientation_of_header(
         turned = twist_of_label(frame.label)
         fault = None if turned is None else twist_fault(frame.label, turned, target, et)
         return PartialPose(camera_from_j2000=None if fault else turned), "twist", (fault,) if fault else ()
-    lines, samples = frame.observation.image.shape
+    lines, samples = frame.mode.shape or frame.observation.image.shape
     try:
-        turned = orientation_of_wcs(frame.label, camera, (samples, lines), flip)
+        turned = orientation_of_wcs(frame.label, camera, (samples, lines), flip, frame.mode.first_px)
     except RefusedError as error:
         return PartialPose(), "wcs", (error.fault,)
     return PartialPose(camera_from_j2000=turned), "wcs", ()
