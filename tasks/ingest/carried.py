@@ -17,7 +17,7 @@ TWIST_FORMATS = ("galileo-redr",)
 Faults = tuple[str, ...]
 
 
-def parts_of_pose_file(path: Path | None) -> tuple[str, PartialPose]:
+def parts_of_pose_file(path: Path | None, target: Target | None = None) -> tuple[str, PartialPose]:
     """Name of the source (`file`, or `isd` for an ISD) and the parts that it gives. Raises RefusedError naming the file
     and its fault."""
     if path is None:
@@ -26,7 +26,7 @@ def parts_of_pose_file(path: Path | None) -> tuple[str, PartialPose]:
         content = read_json_file(path)
     except (OSError, ValueError):
         content = None  # `read_pose_file` says what is wrong
-    return ("isd", pose_from_isd(path)) if is_isd(content) else ("file", read_pose_file(path))
+    return ("isd", pose_from_isd(path, target)) if is_isd(content) else ("file", read_pose_file(path))
 
 
 def parts_of_tables(frame: Frame, et: float) -> tuple[PartialPose, Faults]:

@@ -60,7 +60,7 @@ def initial_pose(
 
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
-    kind, from_file = parts_of_pose_file(pose_file)
+    kind, from_file = parts_of_pose_file(pose_file, target)
     if kind == "isd":
         _refuse_other_exposure(frame, from_file, pose_file)
     et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
