@@ -5,7 +5,7 @@ from typing import Any
 from flows.profile import Profile, find_profile
 from tasks.joint.settings import PriorSettings, SourcePriors
 
-FREE = PriorSettings(range_relative=None, roll_deg=None, attitude_deg=None, psf_relative=None)
+FREE = PriorSettings(range_km=None, roll_deg=None, attitude_deg=None, psf_relative=None)
 
 
 def ablation() -> list[Profile]:

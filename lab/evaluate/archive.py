@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from catalog.basemap import map_of_target
 from catalog.camera import Camera, find_camera
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.pose import Pose, read_pose_file
@@ -23,6 +24,7 @@ from lab.evaluate.assess import Assessment, assess, in_sigmas
 from lab.simulate.archive import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
 from tasks.joint.uncertainty import of_the_body, of_the_camera
+from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run
 
@@ -146,7 +148,7 @@ def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target)
     return {
         "centre_px": float(lacking[OFFSET][0]),
         "range_factor": float(lacking[RANGE]),
-        "attitude_deg": profile.joint.systematic.map_frame_deg,
+        "attitude_deg": Scene(camera, target, map_of_target(target)).map_frame_deg,
     }
 
 

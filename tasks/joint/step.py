@@ -14,7 +14,8 @@ from catalog.pose import Pose
 from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.beam_bending import DistortionError, displacement_of
+from tasks.joint.beam_bending import displacement_of
+from tasks.joint.problem import DistortionError
 from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
