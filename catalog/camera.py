@@ -95,6 +95,9 @@ class Camera(BaseModel):
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs
     sources: tuple[str, ...] = ()
     tried: str = ""  # how far the file was tried on images
+    # Of a camera whose pixels are summed: how many make one along each side, and the camera as it is without.
+    summing: int = Field(default=1, ge=1)
+    unsummed: "Camera | None" = None
 
     @model_validator(mode="before")
     @classmethod
@@ -184,14 +187,40 @@ class Camera(BaseModel):
         NaN where the distortion model has no answer. Raises RefusedError where the camera's distortion is measured on
         the marks of each image.
         """
-        return self.ray(optics_of(self).undistort_points(xy_px))
+        whole, xy = self.unsummed or self, (np.asarray(xy_px, dtype=np.float64) + 0.5) * self.summing - 0.5
+        return whole.ray(optics_of(whole).undistort_points(xy))
 
     def detector_pixel(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Raw detector pixels (..., 2), 0-based, of camera-frame vectors (..., 3): the inverse of `detector_ray`.
 
         NaN behind the camera (Z <= 0) and where the distortion model has no answer.
         """
-        return optics_of(self).distort_points(self.project(direction))
+        whole = self.unsummed or self
+        return (optics_of(whole).distort_points(whole.project(direction)) + 0.5) / self.summing - 0.5
+
+    def summed(self, summing: int) -> "Camera":
+        """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
+
+        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays `unsummed`'s."""
+        if summing == 1:
+            return self
+
+        def smaller(size: tuple[int, int] | None) -> tuple[int, int] | None:
+            return None if size is None else (size[0] // summing, size[1] // summing)
+
+        x, y = ((place + 0.5) / summing - 0.5 for place in self.centre_px)
+        changes = {
+            "size_px": smaller(self.size_px),
+            "raw_size_px": smaller(self.raw_size_px),
+            "centre_px": (x, y),
+            "focal_length_px": self.focal_length_px / summing,
+            "pixel_pitch_mm": None if self.pixel_pitch_mm is None else self.pixel_pitch_mm * summing,
+            "psf_sigma_px": self.psf_sigma_px / summing,
+            "valid_window": None,
+            "summing": summing,
+            "unsummed": self,
+        }
+        return self.model_copy(update=changes)
 
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of camera-frame vectors (..., 3). A vector behind the camera (Z <= 0) gives NaN."""

@@ -27,7 +27,7 @@ from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
-Source = Literal["spice", "label", "file"]
+Source = Literal["spice", "label", "file", "image"]
 
 
 @dataclass(frozen=True)

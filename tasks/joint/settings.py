@@ -36,6 +36,7 @@ class SourcePriors(BaseModel):
     kilometres, and so are those that ISDs and the tables of ISIS cubes hold, which were made from kernels; a pose file
     may hold anything. wcs, twist: orientations of FITS headers and Galileo's labels (four of its labels agree with
     their own north azimuth to 0.02 deg; headers' world coordinates are often rounded or approximate).
+    image: of poses found in the image whose own errors are not at hand (each has its own, see `tasks.initial_pose`).
     unchecked_attitude_deg: the attitude of a pose file for a target without a map, whose markings cannot test it; None
     takes it for as good as any other file's."""
 
@@ -48,6 +49,7 @@ class SourcePriors(BaseModel):
     wcs: PriorSettings = PriorSettings(roll_deg=0.3)
     twist: PriorSettings = PriorSettings(roll_deg=0.3)
     file: PriorSettings = PriorSettings(range_km=None, range_share=0.02, attitude_deg=3.0)
+    image: PriorSettings = PriorSettings(range_km=None, range_share=0.02, attitude_deg=3.0)
     unchecked_attitude_deg: float | None = Field(30.0, gt=0)
 
     def of(self, sources: Mapping[str, str], has_map: bool = True) -> PriorSettings:
