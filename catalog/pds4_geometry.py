@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from catalog.celestial import orientation_of_twist
+from catalog.detached import label_beside
 from catalog.flips import Flip
 from catalog.pose import PartialPose
 from catalog.regular_file import read_regular
@@ -66,16 +67,9 @@ def pose_from_pds4(
 
 
 def pds4_label_beside(path: Path) -> Path | None:
-    """The label of a file: itself, or the XML file of the same name that names it."""
-    if path.suffix.lower() == ".xml":
-        return path
-    for beside in (path.with_suffix(".xml"), path.with_suffix(".XML")):
-        try:
-            if f">{path.name}<".encode() in read_regular(beside, MAX_LABEL_BYTES).replace(b" ", b""):
-                return beside
-        except (OSError, ValueError):
-            continue
-    return None
+    """The PDS4 label of a file: itself, or the one beside it."""
+    label = path if path.suffix.lower() == ".xml" else label_beside(path)
+    return label if label is not None and label.suffix.lower() == ".xml" else None
 
 
 def _parsed(content: bytes) -> Element:

@@ -57,7 +57,8 @@ def initial_pose(
     """Predicted pose of `frame` at mid-exposure.
 
     Precedence of each part: pose file or ISD, SPICE where `kernels` (files or folders) cover it, the tables of an ISIS
-    cube, label, geometry of a PDS4 label, header. The pose file's time overrides the label's. flip: how the user had the picture flipped.
+    cube, label, geometry of a PDS4 label, header. The pose file's time overrides the label's. flip: how the user had
+    the picture flipped.
 
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """

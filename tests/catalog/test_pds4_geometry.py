@@ -117,12 +117,11 @@ def test_what_a_label_lacks_is_named(old: str, new: str, fault: str, tmp_path: P
     assert any(fault in each for each in faults), faults
 
 
-def test_the_label_beside_a_file_must_name_it(tmp_path: Path) -> None:
+def test_the_label_is_the_file_itself_or_beside_it(tmp_path: Path) -> None:
     label = tmp_path / "picture.xml"
     label.write_text(label_text())
     assert pds4_label_beside(label) == label
     assert pds4_label_beside(tmp_path / "picture.fit") == label
-    assert pds4_label_beside(tmp_path / "picture.img") is None
     assert pds4_label_beside(tmp_path / "other.fit") is None
 
 
