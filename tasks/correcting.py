@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from catalog.pose import Pose
 from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs
 from tasks.step import Changed, StepType
 from tasks.work import Work

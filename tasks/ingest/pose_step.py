@@ -7,7 +7,7 @@ from catalog.target import Target, find_target
 from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.step import StepType
 from tasks.work import Work
 

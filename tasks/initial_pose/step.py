@@ -8,7 +8,7 @@ from tasks.fields import Content
 from tasks.ingest.pose_step import PredictedPose
 from tasks.initial_pose.find import find_pose
 from tasks.initial_pose.settings import ImagePoseSettings
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.step import StepType
 from tasks.stored import load_observation

@@ -27,10 +27,11 @@ from tasks.joint.limb_update import updated_by_limb
 from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
-from tasks.joint.settings import JointSettings, PriorSettings
+from tasks.joint.settings import JointSettings
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced

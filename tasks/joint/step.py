@@ -16,7 +16,7 @@ from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.beam_bending import displacement_of
 from tasks.joint.problem import DistortionError
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation

@@ -14,7 +14,7 @@ from catalog.pose import PartialPose, Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
 from tasks.ingest.pose import initial_pose
-from tasks.joint.settings import SourcePriors
+from tasks.priors import SourcePriors
 
 ET = 6.0e8
 CAMERA = find_camera("cassini-nac")
