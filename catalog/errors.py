@@ -1,5 +1,7 @@
 """The few expected failures. Everything else that is raised is a bug."""
 
+from typing import Self
+
 from catalog.plain_text import printable
 from catalog.reasons import Reason
 
@@ -23,6 +25,10 @@ class PlanetposeError(Exception):
     def reason(self) -> str:
         """One line for a person: code, fault and remedy."""
         return f"{self.code}: {self}"
+
+    def saying(self, fault: str, remedy: str) -> Self:
+        """The same failure in other words, for example with the name of the file that the user gave."""
+        return type(self)(self.code, fault, remedy)
 
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         return type(self), (self.code, self.fault, self.remedy)

@@ -7,7 +7,7 @@ from pydantic import BaseModel
 
 from catalog.camera import known_cameras
 from catalog.digest import sha256_of_json
-from catalog.target import known_targets
+from catalog.target import further_targets, known_targets
 
 
 @cache
@@ -19,7 +19,7 @@ def camera_names_digest() -> str:
 @cache
 def target_names_digest() -> str:
     """Content of the catalog's target files, and of those of plugins, whose spellings labels are compared with."""
-    return _digest_of(known_targets())
+    return _digest_of(known_targets() | further_targets())
 
 
 def _digest_of(known: Mapping[str, BaseModel]) -> str:

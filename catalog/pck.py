@@ -92,6 +92,7 @@ def _bodies_with_radii() -> list[str]:
 def _remedy(name: str, in_pck: list[str], other_names: Sequence[str], catalog: Sequence[str]) -> str:
     near = get_close_matches(name.lower(), {*other_names, *in_pck}, n=3)
     meant = f"Did you mean {' or '.join(near)}? " if near else ""
-    others = [body for body in in_pck if body not in catalog]
+    others = [body for body in in_pck if body not in other_names]
     loaded = f"the loaded PCK has {len(others)} more bodies" if in_pck else "no PCK is loaded (--kernels)"
-    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}; {loaded}."
+    more = ", and moons and small bodies without a map (`planetpose targets`)" if catalog else ""
+    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}{more}; {loaded}."

@@ -18,6 +18,7 @@ from catalog.regular_file import is_regular
 __all__ = ["RotationModel", "Target"]
 
 TARGET_FOLDER = Path(__file__).parent / "targets"
+MORE_TARGETS = Path(__file__).parent / "more_targets.toml"
 TARGET_REMEDY = "docs/guide/add-target.md has an example; or give the name of one that `planetpose targets` lists."
 
 
@@ -27,6 +28,15 @@ def known_targets() -> dict[str, Target]:
     targets = (read_target_file(path) for path in sorted(TARGET_FOLDER.glob("*.toml")))
     own = {target.name.lower(): target for target in targets}
     return own | contributed(TARGETS, _targets_of, own)
+
+
+@cache
+def further_targets() -> dict[str, Target]:
+    """Moons and small bodies without a base map, by lower-case name: those of `more_targets.toml` that are not in
+    `known_targets`."""
+    content = read_toml_file(MORE_TARGETS)["target"]
+    targets = (target_from_dict(each, f"{MORE_TARGETS.name}, {each.get('name')}") for each in content)
+    return {target.name: target for target in targets if target.name not in known_targets()}
 
 
 def _targets_of(plugin: Plugin) -> list[tuple[str, Target]]:
@@ -70,8 +80,9 @@ def read_target_file(path: Path) -> Target:
 
 def target_names() -> dict[str, str]:
     """Every accepted lower-case spelling, with the catalog name it stands for."""
-    names = {key: key for key in known_targets()}
-    for key, target in known_targets().items():
+    every = known_targets() | further_targets()
+    names = {key: key for key in every}
+    for key, target in every.items():
         for alias in target.aliases:
             names.setdefault(alias.lower(), key)  # a plugin's alias takes nothing from the catalog's own
     return names
@@ -80,7 +91,7 @@ def target_names() -> dict[str, str]:
 def known_target(name: str) -> Target | None:
     """The catalog's target of a name or alias, also of a plugin; None where it has none."""
     key = target_names().get(name.strip().lower())
-    return known_targets()[key] if key is not None else None
+    return (known_targets() | further_targets())[key] if key is not None else None
 
 
 def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:

@@ -10,6 +10,7 @@ from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
 from flows.guidance import is_started_elsewhere
+from flows.prediction import known_at_start, predicted_pose
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
 from flows.verdict import doubts, reminded, settled
@@ -18,7 +19,7 @@ from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
 from tasks.publish.step import PublishResult
-from tasks.registry import CORRECTIONS, INGEST, POSE, PUBLISH, START, UNDISTORT, UPLOAD, VALIDATE
+from tasks.registry import CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
 from tasks.scene_inputs import SceneFiles
 
 
@@ -46,11 +47,9 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     """Every step after `ingest`."""
     request = chain.request
     refuse_taken(request.product_folder, request.image, frame.sha256)
-    predicted = chain.do(POSE, *inputs.of_pose(request, frame, chain.kernels)).result
-    undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
+    predicted, undistorted = predicted_pose(chain, frame)
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
-    prior_deg = request.profile.joint.priors.of(predicted.sources).attitude_deg
-    known = Known(scene, predicted.pose, predicted.pose, predicted.sources, prior_deg)
+    known = known_at_start(request, scene, predicted)
     try:
         corrected = corrected_or_explained(chain, Corrected(known, files))
     except PlanetposeError as error:

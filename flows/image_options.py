@@ -55,6 +55,19 @@ def known_flip(name: str | None) -> str | None:
     return name
 
 
+def four_numbers(given: Any) -> Any:
+    """`X,Y,W,H` as whole numbers. Raises ValueError for a text that is something else, or no part of a detector."""
+    if not isinstance(given, str):
+        return given
+    try:
+        x, y, width, height = (int(part) for part in given.split(","))
+    except ValueError as error:
+        raise ValueError(f"{given!r} is not four whole numbers.") from error
+    if min(x, y) < 0 or min(width, height) < 1:
+        raise ValueError(f"{given!r} is no part of a detector.")
+    return x, y, width, height
+
+
 class Options(BaseModel):
     """What every command's options are: frozen, and no others."""
 
@@ -64,9 +77,11 @@ class Options(BaseModel):
 class ImageOptions(Options):
     """What may be given for an image, beside what its file says."""
 
-    camera: Text = opt(description="Camera name, or FILE.toml; overrides the label.")
+    camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
     target: Text = opt(description="Target name, or FILE.toml; overrides the label.")
-    pose_file: Annotated[File, Cli(("--pose",))] = opt(description="Pose file (JSON); overrides kernels and label.")
+    pose_file: Annotated[File, Cli(("--pose",))] = opt(
+        description="Pose file (JSON), over kernels and label; or image: found in it."
+    )
     basemap: Annotated[File, Cli(("--map",))] = opt(
         description="Base map: an equirectangular picture of the whole body; or none."
     )
@@ -79,4 +94,9 @@ class ImageOptions(Options):
     flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
         description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
     )
+    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
+    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
+    window: Annotated[
+        tuple[int, int, int, int] | None, BeforeValidator(four_numbers), Cli(metavar="X,Y,W,H", text=True)
+    ] = opt(description="Part of the detector in the file, in detector pixels from 0.")
     resume: File = opt(description="Product folder, result.json or store to start from.")

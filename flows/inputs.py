@@ -12,7 +12,7 @@ from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
 from catalog.resumed import pose_to_resume
 from catalog.spice import KernelLists, kernel_inputs
-from catalog.target import known_target
+from catalog.target import Target, find_target, known_target
 from flows.chain import Chain, Done
 from flows.guidance import guidance_of
 from flows.request import (
@@ -30,11 +30,12 @@ from tasks.image_file import ImageFiles, ImageInputs
 from tasks.ingest.pose_step import PoseFiles, PoseInputs, PredictedPose
 from tasks.ingest.start_step import StartInputs
 from tasks.ingest.step import IngestInputs, IngestResult
+from tasks.initial_pose.step import ImagePoseFiles, ImagePoseInputs
 from tasks.objectstore.step import UploadFiles, UploadInputs
 from tasks.publish.origin import origin_of
 from tasks.publish.step import PublishFiles, PublishInputs, PublishResult
-from tasks.registry import CORRECTIONS, INGEST, POSE, STEPS
-from tasks.scene_inputs import SceneFiles, SceneInputs
+from tasks.registry import CORRECTIONS, IMAGE_POSE, INGEST, POSE, STEPS
+from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
 from tasks.undistort import UndistortSettings
 from tasks.undistort.step import UndistortFiles, UndistortInputs, UndistortResult
 from tasks.validate.step import ValidateInputs
@@ -42,7 +43,7 @@ from tasks.work import NoFiles
 
 Watched = tuple[tuple[Path, str], ...]
 # What a product says of them enters its key by value: kernels that were offered but change nothing redo no product.
-METADATA = (INGEST.name, POSE.name)
+METADATA = (INGEST.name, POSE.name, IMAGE_POSE.name)
 
 
 def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
@@ -54,6 +55,9 @@ def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
         target=target_inputs(request),
         flip=request.flip,
         reader=plugin_reader_of(request.image),
+        plane=request.plane,
+        summing=request.summing,
+        window=request.window,
     )
 
 
@@ -72,12 +76,12 @@ def of_ingest(request: Request) -> tuple[IngestInputs, ImageFiles, Watched]:
         target_names=target_names_digest(),
         product=request.product,
     )
-    return inputs, ImageFiles(request.image, request.camera), watched_image(request, image)
+    return inputs, ImageFiles(request.image, request.camera_name), watched_image(request, image)
 
 
 def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[PoseInputs, PoseFiles, Watched]:
     """For the step `pose`."""
-    image, pose_file = image_inputs(request, frame.sha256), request.pose_file
+    image, pose_file = image_inputs(request, frame.sha256), request.pose_path
     kernels = lists.of(request.kernel_paths)
     inputs = PoseInputs(
         image=image,
@@ -87,7 +91,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
     )
-    files = PoseFiles(request.image, request.camera, pose_file, tuple(request.kernel_paths))
+    files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))
     watched = (*watched_image(request, image), *((kernel.path, kernel.sha256) for kernel in kernels))
     if pose_file and inputs.pose_file:
         watched += ((pose_file, inputs.pose_file),)
@@ -106,7 +110,7 @@ def of_undistort(request: Request, frame: IngestResult) -> tuple[UndistortInputs
         mask=digest_of(mask, "mask") if mask else None,
     )
     watched = watched_image(request, image) + (((mask, inputs.mask),) if mask and inputs.mask else ())
-    return inputs, UndistortFiles(request.image, request.camera, mask), watched
+    return inputs, UndistortFiles(request.image, request.camera_name, mask), watched
 
 
 def reseau_digests(camera: Camera, settings: UndistortSettings) -> dict[str, str]:
@@ -120,15 +124,40 @@ def scene_of_image(
     request: Request, frame: IngestResult, predicted: PredictedPose, undistorted: Done[UndistortResult]
 ) -> tuple[SceneInputs, SceneFiles]:
     """What every simulation depends on, and where its image and base map are."""
-    basemap, path = basemap_inputs(request, predicted.target)
+    scene, files = mapped_scene(request, frame, predicted.target, undistorted)
+    if predicted.has_orientation:
+        return scene, files
+    # No simulation can say where an unknown orientation has the map's markings.
+    return scene.model_copy(update={"basemap": UNIFORM}), SceneFiles(files.image, None)
+
+
+def mapped_scene(
+    request: Request, frame: IngestResult, target: Target, undistorted: Done[UndistortResult]
+) -> tuple[SceneInputs, SceneFiles]:
+    """The scene of a target with its base map, and where image and map are."""
+    basemap, path = basemap_inputs(request, target)
     scene = SceneInputs(
         observation=undistorted.key,
         camera=frame.camera,
-        target=predicted.target,
+        target=target,
         basemap=basemap,
         simulate=request.profile.simulate,
     )
     return scene, SceneFiles(undistorted.folder, path)
+
+
+def of_image_pose(
+    request: Request, frame: IngestResult, undistorted: Done[UndistortResult], lists: KernelLists
+) -> tuple[ImagePoseInputs, ImagePoseFiles, Watched]:
+    """For the step `image_pose`."""
+    kernels = lists.of(request.kernel_paths)
+    target = find_target(request.target or frame.target_name, request.kernel_paths)
+    scene, files = mapped_scene(request, frame, target, undistorted)
+    inputs = ImagePoseInputs(
+        scene=scene, et=frame.et, kernels=kernel_inputs(kernels), settings=request.profile.image_pose
+    )
+    image_files = ImagePoseFiles(files.image, files.basemap, tuple(request.kernel_paths))
+    return inputs, image_files, tuple((kernel.path, kernel.sha256) for kernel in kernels)
 
 
 def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[StartInputs, NoFiles]:

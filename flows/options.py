@@ -155,7 +155,9 @@ class ExportOptions(Options):
 
     paths: Paths
     format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
-        ..., min_length=1, description="fits, geotiff, cog, zarr-map, stac, csv, parquet; repeat for more."
+        ...,
+        min_length=1,
+        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more.",
     )
     out: Path = opt(Path("export"), description="Folder that files are written into.")
     projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")

@@ -7,10 +7,13 @@ from pydantic import BeforeValidator, Field, field_validator
 
 from catalog.basemap import NO_MAP, packaged_map_path
 from catalog.camera import Camera, find_camera
+from catalog.camera_store import camera_as_file
 from catalog.errors import RefusedError
 from catalog.input_file import digest_of
+from catalog.made_camera import ISD, file_in, is_made
 from catalog.names_digest import camera_names_digest
 from catalog.plain_text import is_text, shown_path
+from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
 from catalog.target import Target, find_target, is_target_file
@@ -34,7 +37,8 @@ def _name_of_file(known: dict[str, Any]) -> str:
 
 class Request(ImageOptions):
     """One image to correct. product: its name, a plain folder name; the file's without suffix by default. None of
-    camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none. kernels:
+    camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none, a pose file
+    "image" stands for a pose that is found in the image itself. kernels:
     files, folders or meta-kernels; None takes those of the environment. profile: its settings, or its name or file;
     settings build on the default profile as a file's do, and what it holds stays. resume: see `flows.guidance`.
     publish_to: URL of an object store that the product is copied to from `store`."""
@@ -60,6 +64,24 @@ class Request(ImageOptions):
         return self.store / self.product
 
     @property
+    def camera_name(self) -> str | None:
+        """The camera's name or file; one that is made (from kernels, an ISD, a cube) is a file in the cache."""
+        if self.camera is None or not is_made(self.camera):
+            return self.camera
+        return str(camera_as_file(self.camera, self.kernel_paths, self.cache / "cameras"))
+
+    @property
+    def pose_path(self) -> Path | None:
+        """The pose file; for a camera from an ISD the ISD, which holds both."""
+        is_isd = self.camera is not None and self.camera.lower().startswith(ISD)
+        return file_in(str(self.camera)) if self.pose_file is None and is_isd else self.pose_file
+
+    @property
+    def pose_is_in_image(self) -> bool:
+        """Whether the pose is to be found in the image itself."""
+        return str(self.pose_file) == IN_IMAGE
+
+    @property
     def kernel_paths(self) -> list[Path]:
         """The kernels to use."""
         return list(self.kernels) if self.kernels is not None else default_kernels()
@@ -80,7 +102,7 @@ def refuse_what_is_no_text(request: Request) -> None:
 def camera_inputs(request: Request) -> Camera | str:
     """What the camera's name may turn into: the camera the user gave, else all cameras whose names labels may bear."""
     if request.camera is not None:
-        return find_camera(request.camera)
+        return find_camera(str(request.camera_name))
     return camera_names_digest()
 
 

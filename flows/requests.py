@@ -12,6 +12,8 @@ from catalog.fetch.many import fetch_items, summary_of
 from catalog.fetch.settings import default_mirror
 from catalog.lists import load_image_list
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.made_camera import file_in, is_made
+from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import archive_folder
 from catalog.target import is_target_file
@@ -93,6 +95,8 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
     camera = entry.camera
     if camera and camera.endswith(".toml"):
         camera = str(here(camera))
+    if camera and is_made(camera) and (file := file_in(camera)):
+        camera = f"{camera.partition(':')[0]}:{here(str(file))}"
     target = entry.target
     if target and is_target_file(target):
         target = str(here(target))
@@ -104,7 +108,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
         publish_to=place.publish_to,
         camera=camera,
         target=target,
-        pose_file=here(entry.pose_file),
+        pose_file=Path(IN_IMAGE) if entry.pose_file == IN_IMAGE else here(entry.pose_file),
         basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
         flip=entry.flip,

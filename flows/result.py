@@ -14,7 +14,7 @@ from tasks.boundary import reason_of, status_of
 from tasks.diagnose.step import OVERLAY, TRIED
 from tasks.profile import Profile
 from tasks.publish.step import stated_of
-from tasks.registry import INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
+from tasks.registry import IMAGE_POSE, INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
 
 EMPTY: dict[str, Any] = {
     "product": None,
@@ -104,7 +104,7 @@ def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:
     """Camera, target, time and source of the pose, as far as the chain came."""
-    frame, predicted = chain.last(INGEST), chain.last(POSE)
+    frame, predicted = chain.last(INGEST), chain.last(POSE) or chain.last(IMAGE_POSE)
     known: dict[str, Any] = {}
     if frame:
         known |= {"warnings": list(frame.result.warnings)}

@@ -11,12 +11,13 @@ from tasks.accept.acceptance import (
     doubtful_blur,
     doubtful_likeness,
     doubtful_limb,
+    doubtful_psf,
     doubtful_sun,
     is_about_orientation,
 )
 from tasks.accept.rest import at_rest
 from tasks.diagnose.diagnosis import MAP
-from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, POINT, VALIDATE
+from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, IMAGE_POSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
 CONSEQUENCES = (
@@ -25,6 +26,7 @@ CONSEQUENCES = (
     "limb-disagrees",
     "limb-and-interior-disagree",
     "image-unlike-simulation",
+    "psf-disagrees",
     "sun-direction-disagrees",
 )
 PUBLISHED = ("ok", "doubtful")
@@ -46,16 +48,26 @@ def doubts(chain: Chain) -> list[str]:
     diagnosed = chain.last(DIAGNOSE)
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)
+    by_image = chain.last(IMAGE_POSE)
+    found += by_image.result.doubts if by_image else ()
     if judged:
         report = judged.result
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
-        found += [doubtful_sun(accept, report.sun), report.doubt]
+        found += [doubtful_sun(accept, report.sun), doubtful_psf(accept, solved_psf(chain), report.limb), report.doubt]
     found = [doubt for doubt in found if doubt]
     found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause comes before what may follow from it
     if found and judged:
         spoilt = [doubtful_blocks(accept, judged.result.blocks), doubtful_blur(accept, judged.result.limb)]
         found = [doubt for doubt in (*spoilt, cause_of_doubts(chain)) if doubt] + found
     return found
+
+
+def solved_psf(chain: Chain) -> float | None:
+    """1-sigma width, px, of the PSF that the last correction solved for; None where none did."""
+    solved = [
+        done.result.changed.get("psf_sigma_px") for done in chain.done.values() if done.step.kind.name in CORRECTIONS
+    ]
+    return next((width for width in reversed(solved) if width), None)
 
 
 def code_of(doubt: str) -> str:

@@ -37,7 +37,8 @@ def correct(
     is needed. What is done already is not done again.
 
     image: VICAR, compressed Voyager .imq, FITS, PNG or TIFF. product: name of the folder in the store; the file's name
-    without suffix by default. camera, target: name, or TOML file; None asks the label. pose_file: predicted pose, JSON.
+    without suffix by default. camera, target: name, or TOML file; None asks the label. pose_file: predicted pose, JSON,
+    or "image": found in the image itself.
     kernels: SPICE kernels, folders of them or meta-kernels; None takes PLANETPOSE_KERNELS. basemap: file, or "none";
     None takes the target's. map_left_edge_deg: east longitude of its left edge. shape: model that planes are projected
     on. profile: name or file, or settings as a profile file has them; None takes `joint`. hold: groups of parameters

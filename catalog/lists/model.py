@@ -20,7 +20,8 @@ class ImageEntry(BaseModel):
     product: name of its folder in a store; the image file's without suffix by default. image, label: a path (relative
     to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: names, or TOML
     files; None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
-    user's own. pose_file, truth_file: pose files, as paths. basemap: a location, or "none"; None takes the catalog's.
+    user's own. pose_file, truth_file: pose files, as paths; a pose file "image" stands for a pose found in the image.
+    basemap: a location, or "none"; None takes the catalog's.
     flip: how the picture is mirrored or turned. utc: middle of the exposure. sha256, label_sha256, bytes: of the files
     themselves. truth: what a simulation planted, by name. notes: for people.
     """
@@ -88,8 +89,11 @@ class ImageEntry(BaseModel):
     @classmethod
     def _is_in_the_catalog(cls, name: str | None, info: Any) -> str | None:
         from catalog.camera import known_cameras
+        from catalog.made_camera import is_made
 
-        if name and info.field_name == "camera" and not name.endswith(".toml") and name.lower() not in known_cameras():
+        if not name or info.field_name != "camera" or name.endswith(".toml") or is_made(name):
+            return name
+        if name.lower() not in known_cameras():
             raise ValueError(f"camera {name!r} is unknown; known: {', '.join(known_cameras())}, or a FILE.toml")
         return name
 

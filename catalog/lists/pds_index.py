@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.errors import RefusedError
 from catalog.lists.model import ImageEntry
 from catalog.lists.tables import Row
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.exposure_time import Place, claim, exposure_time
 from catalog.readers.label_values import number, text
 from catalog.readers.names import camera_of_names, instrument_names, sole_target, targets_of_label

@@ -16,18 +16,45 @@ def modelled_noise(image: NDArray[np.float32], model: Noise) -> NDArray[np.float
     return np.sqrt(np.maximum(variance, QUANTISATION**2)).astype(np.float32)
 
 
+SAMPLE = 50_000
+REPEATS = 4.0  # times a value occurs on average in numbers that have steps
+ON_STEPS = 0.02  # of a step, that its multiples may be off in single precision
+DITHER_SEED = 0
+
+
 def measured_noise(image: NDArray[np.float32], usable: NDArray[np.bool_], whole_numbers: bool) -> NDArray[np.float32]:
     """One noise value for the whole image (ny, nx): median absolute deviation of the difference of two Laplacians,
     which no plane and no quadratic surface excites (Immerkaer 1996, Comput. Vis. Image Underst. 64, 300).
 
-    Pixels beside an unusable one do not count. Never below 1e-4 of the brightness range (an image without noise), nor
-    below the rounding of whole numbers.
+    Pixels beside an unusable one do not count. Numbers that go in steps, whole ones or calibrated ones that were whole,
+    are dithered by a step beforehand: the median of small whole numbers would be one of a few values. Never below 1e-4
+    of the brightness range (an image without noise), nor below the rounding of the steps.
     """
-    floor = QUANTISATION if whole_numbers else 0.0
+    step = 1.0 if whole_numbers else 0.0
+    if usable.any():
+        step = max(step, quantisation_step(image[usable]))
+    if step:
+        dither = np.random.default_rng(DITHER_SEED).uniform(-step / 2, step / 2, image.shape)
+        image = (image + dither).astype(np.float32)
+    floor = QUANTISATION * step
     if usable.any():
         low, high = np.percentile(image[usable], [1, 99])
         floor = max(floor, 1e-4 * float(high - low))
     return np.full(image.shape, max(_high_frequency_sigma(image, usable), floor, 1e-12), np.float32)
+
+
+def quantisation_step(values: NDArray[np.float32]) -> float:
+    """The step of numbers that are all multiples of one, in a picture where most occur many times; 0 where there is
+    none."""
+    sample = values[:: max(1, values.size // SAMPLE)]
+    distinct = np.unique(sample)
+    if distinct.size < 3 or sample.size < REPEATS * distinct.size:
+        return 0.0
+    gaps = np.diff(distinct.astype(np.float64))
+    step = float(gaps.min())
+    off = np.abs(gaps / step - np.round(gaps / step))
+    resolved = float(np.spacing(np.float32(np.abs(distinct).max())))
+    return step if step > resolved / ON_STEPS and bool((off <= ON_STEPS * np.maximum(gaps / step, 1)).all()) else 0.0
 
 
 def _high_frequency_sigma(image: NDArray[np.float32], usable: NDArray[np.bool_]) -> float:

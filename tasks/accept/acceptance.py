@@ -12,6 +12,8 @@ from tasks.validate.sun import SunReport
 
 BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
+# A limb cannot show a narrower PSF than this.
+LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
     "Check camera_from_j2000 (rows: +X sample, +Y line, +Z boresight) and the sign of target_from_spacecraft_km."
 )
@@ -100,6 +102,19 @@ def doubtful_blur(accept: AcceptSettings, limb: LimbFigures) -> str | None:
         f"{Reason.IMAGE_BLURRED}: "
         f"the limb in the image is {blur:.1f} times as wide as simulated: the picture is blurred, by "
         "motion, focus or an atmosphere, or the camera's psf_sigma_px is too small. Check picture and camera file."
+    )
+
+
+def doubtful_psf(accept: AcceptSettings, solved_px: float | None, limb: LimbFigures) -> str | None:
+    """The doubt that a solution raises whose PSF, of 1-sigma `solved_px`, is much wider than the image's own limb: it
+    has blurred what its simulation gets wrong, shading, markings or the Sun."""
+    shown = limb.psf_sigma_px
+    if solved_px is None or shown is None or solved_px <= accept.sure_psf * max(shown, LEAST_PSF_PX):
+        return None
+    return (
+        f"{Reason.PSF_DISAGREES}: markings and brightness are fitted best with a PSF of {solved_px:.1f} px (1-sigma), "
+        f"and the limb in the image is as sharp as by one of {shown:.1f} px. Check base map, Sun direction and "
+        "orientation."
     )
 
 

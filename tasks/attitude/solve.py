@@ -46,9 +46,9 @@ class AttitudeSettings(BaseModel):
     paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error, or when the turns
     go to and fro within rest_px at the limb, or their error, of the middle of their way, which is then taken.
 
-    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn; map_frame_deg: how far a
-    map lies from the frame of its body's coordinates, about each axis, as of the joint step. Both are in the stated
-    error, beside the scatter of the flow; place_px is measured (docs/method/uncertainty.md)."""
+    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn. It and the map's
+    frame (`Scene.map_frame_deg`) are in the stated error, beside the scatter of the flow; place_px is measured
+    (docs/method/uncertainty.md)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -63,7 +63,6 @@ class AttitudeSettings(BaseModel):
     settle_deg: float = Field(0.01, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
     place_px: float = Field(0.1, ge=0)
-    map_frame_deg: float = Field(0.1, ge=0)
 
 
 @dataclass(frozen=True)
@@ -147,9 +146,9 @@ def find_attitude(
     stated, formal = None, turn.sigma_deg
     if formal is not None:
         evidence[FORMAL] = {"attitude_deg": formal.tolist()}
-        systematic = np.hypot(settings.map_frame_deg, np.degrees(settings.place_px / radius))
+        systematic = np.hypot(scene.map_frame_deg, np.degrees(settings.place_px / radius))
         stated = np.hypot(formal, systematic).tolist()
-        evidence["map_frame_deg"] = settings.map_frame_deg
+        evidence["map_frame_deg"] = scene.map_frame_deg
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": stated}, evidence, settled)
 
 

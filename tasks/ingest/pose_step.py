@@ -7,6 +7,7 @@ from catalog.target import Target, find_target
 from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
+from tasks.priors import PriorSettings
 from tasks.step import StepType
 from tasks.work import Work
 
@@ -33,7 +34,9 @@ class PoseFiles(ImageFiles):
 
 
 class PredictedPose(Content):
-    """The pose that the metadata claim; fields as of `tasks.ingest.pose.InitialPose`."""
+    """The pose that the corrections are about; fields as of `tasks.ingest.pose.InitialPose`. priors: its own 1-sigma
+    errors, None where they are those of its sources. has_orientation: whether the body's orientation is known at all.
+    doubts: what stays unknown of it, each as `code: fault. Remedy.`"""
 
     pose: PoseField
     target: Target
@@ -42,15 +45,18 @@ class PredictedPose(Content):
     missing: tuple[str, ...] = ()
     kernels: tuple[dict[str, str], ...] = ()
     evidence: PlainJson
+    priors: PriorSettings | None = None
+    has_orientation: bool = True
+    doubts: tuple[str, ...] = ()
 
 
 def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
-    """The predicted pose, from pose file, SPICE or label (see `initial_pose`).
+    """The predicted pose, from pose file or ISD, SPICE, tables of an ISIS cube or label (see `initial_pose`).
 
     The target is looked up here too, for a kernel may define it."""
     frame = frame_of(inputs.image, files)
     target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
-    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file)
+    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip)
     return PredictedPose(
         pose=found.pose,
         target=target,

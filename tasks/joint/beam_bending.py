@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.joint.gauss_newton import Solution
-from tasks.joint.normal_equations import solve
+from tasks.joint.normal_equations import solve_linear
 from tasks.joint.parameters import NAMES, OFFSET
 from tasks.joint.pyramid import Level
 from tasks.joint.uncertainty import covariance_of_all
@@ -22,21 +22,6 @@ Planes = NDArray[Any]
 MOVING = len(NAMES)
 # Strength, in the prior's sigmas, that is as good as not held at all.
 FREE = 1e3
-# Disk and marks that differ by more of their common sigmas tell of something else: a range held where it is not, say.
-# Where one of the simulated images told a bending they differ by 3.3 at most.
-CONTRADICTION = 4.0
-# By how much, pixels, 1-sigma, map and laws may displace a limb without a trace in the residuals, for what is to be
-# believed of a bending.
-FEIGNED_PX = 0.05
-
-
-@dataclass(frozen=True)
-class DistortionError:
-    """What is known of the distortion model's error. smooth_px: 1-sigma of a coordinate near the disk. bending: (2, ny,
-    nx) displacement of the frame's pixels by an error of 1-sigma that they all share, or None."""
-
-    smooth_px: float = 0.0
-    bending: Planes | None = None
 
 
 @dataclass(frozen=True)
@@ -57,6 +42,7 @@ def bending_shown(solution: Solution, scale: Level, planes: Planes, least_px: fl
     scale: the solution's. planes: (2, ny, nx) as in `DistortionError`. least_px: smaller displacements (RMS over the
     disk) are left alone; None: all. All pixels are the image's.
     """
+    limits = solution.given.thresholds.contradiction
     along = _over_window(solution, scale.planes_down(planes))
     column = _column(solution, along)
     response = scale.step_up(response_to(solution, column))
@@ -64,17 +50,13 @@ def bending_shown(solution: Solution, scale: Level, planes: Planes, least_px: fl
     # A held centre that is a little off would be taken for bending, too.
     if least_px is None or per_sigma_px <= 0 or solution.held[OFFSET].any():
         return Bending(response)
-    problem = replace(
-        solution.problem,
-        columns=np.concatenate([column[None], solution.problem.columns]),
-        prior=np.concatenate([[FREE**-2], solution.problem.prior]),
-        expected=np.concatenate([[0.0], solution.problem.expected]),
-    )
-    fit = solve(problem, solution.fit.weight)
-    variance = float(covariance_of_all(problem, fit)[0, 0]) + (FEIGNED_PX / per_sigma_px) ** 2
+    problem = solution.problem.extended(column[None], np.array([FREE**-2]))
+
+    fit = solve_linear(problem, solution.fit.weight)
+    variance = float(covariance_of_all(problem, fit)[0, 0]) + (limits.bending_feigned_px / per_sigma_px) ** 2
     strength = float(fit.values[0]) / (1 + variance)
     moved_px = abs(strength) * per_sigma_px
-    contradicts = abs(float(fit.values[0])) > CONTRADICTION * np.sqrt(1 + variance)
+    contradicts = abs(float(fit.values[0])) > limits.bending * np.sqrt(1 + variance)
     if contradicts or moved_px < least_px:
         return Bending(response)
     return Bending(response, strength, float(np.sqrt(variance / (1 + variance))), moved_px)
@@ -101,7 +83,7 @@ def response_to(solution: Solution, column: NDArray[np.float32]) -> Array:
     1977, Factorization Methods, chapter VIII)."""
     problem = solution.problem
     pulled = replace(problem, image=column, expected=np.zeros_like(problem.expected), huber=np.inf)
-    return solve(pulled, solution.fit.weight).values[-MOVING:]
+    return solve_linear(pulled, solution.fit.weight).values[-MOVING:]
 
 
 def _rms_on_disk(solution: Solution, along: NDArray[np.float32]) -> float:

@@ -1,6 +1,7 @@
 """The joint step's answer: the estimate as a correction, with what is told of it and why it is doubted."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,37 +11,32 @@ from catalog.observation import Observation
 from catalog.pose import POSE_KEYS, Pose
 from catalog.reasons import Reason
 from tasks.correction import Correction
-from tasks.joint.beam_bending import Bending, DistortionError, displacement_of
+from tasks.joint.beam_bending import Bending, displacement_of
 from tasks.joint.coarse_to_fine import (
-    DISAGREEMENT_PX,
-    EXACT,
     Array,
     Estimate,
-    Progress,
     Source,
     estimated,
     is_uniform,
     prior_sigmas,
     second_start,
-    with_attitude_held,
     without_markings,
 )
 from tasks.joint.gauss_newton import Solution
 from tasks.joint.limb_update import updated_by_limb
 from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
+from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
 from tasks.joint.settings import JointSettings
+from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
 
 Evidence = dict[str, Any]
-CONFLICT_SIGMAS = 5.0
-# Of the free range against the trajectory's: the errors of 59 solvable scenes by another renderer were 3.5 of their
-# sigmas at most.
-RANGE_CONFLICT_SIGMAS = 4.0
 
 
 def find_pose_jointly(
@@ -53,43 +49,42 @@ def find_pose_jointly(
     progress: Progress | None = None,
     distortion: DistortionError = EXACT,
     markings_match: bool = True,
+    own_priors: PriorSettings | None = None,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
     pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
-    image's: the attitude is then told as no better known than by its prior. changed and
+    image's: the attitude is then told as no better known than by its prior. own_priors: of this predicted pose, in
+    place of those of its sources. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
     elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
     Raises FailedError when too few pixels are usable.
     """
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
-    priors = settings.priors.of(sources, has_map=not is_uniform(scene))
+    priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
+    sigmas = prior_sigmas(priors, metadata.pose.range_km)
+    given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress)
     start = State(pose, scene.psf_sigma_px)
     is_held = "attitude" in settings.hold
     if is_uniform(scene):
-        settings = without_markings(settings)
-    sigmas = prior_sigmas(priors)
+        given = without_markings(given)
 
     def solve(begin: State, without_turn: bool) -> Estimate:
-        own = with_attitude_held(settings) if without_turn else settings
-        return estimated(observation, begin, metadata, sigmas, scene, own, progress, distortion)
+        return estimated(given.with_attitude_held() if without_turn else given, begin)
 
     def lead(found: Estimate) -> tuple[Estimate, Evidence | None]:
         unbent = observation
         if distortion.bending is not None and found.bending and found.bending.strength:
             unbent = displaced(observation, displacement_of(found.bending.strength, distortion.bending))
-        return updated_by_limb(unbent, found, metadata, sigmas, scene, settings, progress)
+        return updated_by_limb(replace(given, observation=unbent), found)
 
-    solvers = Solvers(solve, lead)
-    estimate, led, orientation = oriented(observation, solvers, start, metadata, sigmas, scene, markings_match, is_held)
-    away = (
-        second_start(observation, start, metadata, sigmas, estimate, scene, settings) if settings.second_start else None
-    )
-    correction = as_correction(estimate, start, metadata, sigmas, away, scene, led, orientation)
-    correction.evidence["map_frame_deg"] = settings.systematic.map_frame_deg
+    estimate, led, orientation = oriented(given, Solvers(solve, lead), start, markings_match, is_held)
+    away = second_start(given, start, estimate) if settings.second_start else None
+    correction = as_correction(given, estimate, start, away, led, orientation)
+    correction.evidence["map_frame_deg"] = scene.map_frame_deg
     correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
     if not is_offset_from(predicted, pose, scene.camera):
         correction.evidence["predicted_to_free"] = None
@@ -97,23 +92,23 @@ def find_pose_jointly(
 
 
 def as_correction(
+    given: Problem,
     estimate: Estimate,
     start: State,
-    metadata: State,
-    sigmas: Array,
     away_px: float | None,
-    scene: Scene,
     led: Evidence | None = None,
     orientation: Orientation | None = None,
 ) -> Correction:
-    """The estimate in the words that all steps share. led: what is told where the limb leads. orientation: what the
-    markings say; where the body stays as predicted no turn is told, but its prior's error."""
+    """The estimate in the words that all steps share. led: what is said where the limb leads. orientation: what the
+    markings say; where the body stays as predicted no turn is stated, but its prior's error."""
+    scene, metadata, sigmas, limits = given.scene, given.metadata, given.sigmas, given.thresholds.pyramid
     step = difference(estimate.state, start, scene.camera)
     sigma = np.sqrt(np.maximum(np.diag(estimate.covariance), 0))
     free, held = estimate.free, estimate.free.held
     surplus = float(difference(estimate.free_state, metadata, scene.camera)[RANGE])
     free_sigma = float(np.sqrt(estimate.free_covariance[RANGE, RANGE]))
     radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
+    centre_sigma_px = float(np.sqrt(np.trace(estimate.free_covariance[OFFSET, OFFSET])))
     evidence: dict[str, Any] = {
         "iterations": len(free.history),
         "history": [taken.tolist() for taken in free.history],
@@ -139,10 +134,10 @@ def as_correction(
         evidence["attitude_held"] = "the base map is uniform: pointing, range and roll are from shape and shading alone"
     doubts = [
         doubt_of_convergence(free),
-        doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), bool(held[RANGE])),
+        None if held[RANGE] else doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), limits),
         doubt_of_markings(orientation) if orientation else None,
         (led or {}).get("doubt"),
-        doubt_of_start(away_px, np.sqrt(np.trace(estimate.free_covariance[OFFSET, OFFSET])), free_sigma * radius),
+        doubt_of_start(away_px, centre_sigma_px, free_sigma * radius, limits),
     ]
     if any(doubts):
         evidence["doubt"] = " ".join(doubt for doubt in doubts if doubt)
@@ -217,10 +212,10 @@ def doubt_of_convergence(free: Solution) -> str | None:
     return f"{Reason.JOINT_NOT_SETTLED}: {count} iterations did not come to rest. Check picture and predicted pose."
 
 
-def doubt_of_range(surplus: float, sigma: float, prior: float, held: bool) -> str | None:
+def doubt_of_range(surplus: float, sigma: float, prior: float, limits: PyramidThresholds) -> str | None:
     """Whether the range that the image wants contradicts the trajectory."""
-    allowed = RANGE_CONFLICT_SIGMAS * float(np.hypot(sigma, prior))
-    if held or abs(surplus) <= allowed:
+    allowed = limits.range_conflict_sigmas * float(np.hypot(sigma, prior))
+    if abs(surplus) <= allowed:
         return None
     return (
         f"{Reason.RANGE_CONFLICT}: the image wants {np.exp(surplus):.5f} times the predicted range, the metadata allow "
@@ -228,10 +223,12 @@ def doubt_of_range(surplus: float, sigma: float, prior: float, held: bool) -> st
     )
 
 
-def doubt_of_start(away_px: float | None, centre_sigma_px: float, limb_sigma_px: float) -> str | None:
+def doubt_of_start(
+    away_px: float | None, centre_sigma_px: float, limb_sigma_px: float, limits: PyramidThresholds
+) -> str | None:
     """Whether another start led elsewhere."""
     if away_px is None or away_px <= max(
-        DISAGREEMENT_PX, CONFLICT_SIGMAS * float(np.hypot(centre_sigma_px, limb_sigma_px))
+        limits.disagreement_px, limits.starts_conflict_sigmas * float(np.hypot(centre_sigma_px, limb_sigma_px))
     ):
         return None
     return (

@@ -17,8 +17,7 @@ from tasks.simulate import Simulation
 Array = NDArray[np.float64]
 
 EDGES = LimbSettings()
-SKY_PX = 16.0
-# Centre and range: what the limb tells.
+# Centre and range: what the limb shows.
 OBSERVED = slice(0, 3)
 
 
@@ -66,10 +65,10 @@ def in_image(found: LimbObservation, scale: Level) -> LimbObservation:
     )
 
 
-def limb_observation(scale: Level, state: State) -> LimbObservation:
+def limb_observation(scale: Level, state: State, sky_px: float) -> LimbObservation:
     """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
     scene = scale.scene
-    window = framed_window(scene, state.pose, margin_px=SKY_PX)
+    window = framed_window(scene, state.pose, margin_px=sky_px)
     edges = measure_limb(match_scene(scale.observation, scene, state.pose, window), EDGES)
     return in_image(observation_of_edges(edges, scene.camera.project(state.pose.target_in_camera_km)), scale)
 

@@ -7,7 +7,6 @@ are weighed in as an observation of centre and range, and the joint solution's e
 contradiction shows it to be; attitude and roll follow by their correlation with centre and range.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,36 +15,28 @@ from numpy.typing import NDArray
 
 from catalog.camera import Camera
 from catalog.errors import FailedError
-from catalog.observation import Observation
 from catalog.reasons import Reason
 from tasks.joint.coarse_to_fine import Estimate, with_range_prior
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.limb_observation import OBSERVED, LimbObservation, limb_observation, shown_by
-from tasks.joint.parameters import OFFSET, RANGE, State, difference
+from tasks.joint.parameters import OFFSET, RANGE, difference
+from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
-from tasks.joint.settings import JointSettings
-from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, int, str], None]
-
-ROUNDS, STILL_PX = 4, 0.03
-# Chance of a difference between product and limb, with the errors of both grown, that is doubted.
-CHANCE_DOUBTED = 1e-4
-# How often the limb that leads is the one that is wrong, by relief or by optics that are in no file: of five simulated
-# images of another renderer that it led, it led two away from the truth. A choice between that and never.
-LED_WRONG = 0.25
 
 
 @dataclass(frozen=True)
 class Witnesses:
     """What contradicts or confirms a solution `own` (8, 8) known: the limb's step (3,) from it with covariance (3, 3),
-    and the trajectory's (of the range), with its variance; inf where it says nothing."""
+    and the trajectory's (of the range), with its variance; inf where it says nothing. chance: of a
+    difference that is a contradiction."""
 
     own: Array
     limb: LimbObservation
     range_step: float
     range_variance: float
+    chance: float
 
     @property
     def trusted_range(self) -> bool:
@@ -54,7 +45,7 @@ class Witnesses:
         if not np.isfinite(self.range_variance):
             return False
         away = self.limb.step[RANGE] - self.range_step
-        return bool(away**2 <= chi_square(1) * (self.limb.covariance[RANGE, RANGE] + self.range_variance))
+        return bool(away**2 <= chi_square(1, self.chance) * (self.limb.covariance[RANGE, RANGE] + self.range_variance))
 
     def system(self) -> tuple[Array, Array, Array]:
         """The solution's covariance in what is observed, the observations' own, and the differences (n,)."""
@@ -70,67 +61,60 @@ class Witnesses:
     def contradict(self) -> bool:
         """Whether they contradict the solution by more than CHANCE allows."""
         own, others, wanted = self.system()
-        return bool(wanted @ np.linalg.solve(own + others, wanted) > chi_square(len(wanted)))
+        return bool(wanted @ np.linalg.solve(own + others, wanted) > chi_square(len(wanted), self.chance))
 
     def growth(self) -> float:
         """By what factor the solution's covariance must grow so that they do not."""
         return growth_of(*self.system())
 
 
-def updated_by_limb(
-    observation: Observation,
-    estimate: Estimate,
-    metadata: State,
-    sigmas: Array,
-    scene: Scene,
-    settings: JointSettings,
-    progress: Progress | None = None,
-) -> tuple[Estimate, dict[str, Any] | None]:
+def updated_by_limb(given: Problem, estimate: Estimate) -> tuple[Estimate, dict[str, Any] | None]:
     """The estimate, and None; or, where the limb and the trajectory contradict it, or its product's limb is more than
-    `settings.limb_led_px` off, one that the limb leads, and what is told of it. An estimate that holds centre or range
-    stays. What is told has a `doubt` where limb and product disagree all the same."""
+    `settings.limb_led_px` off, one that the limb leads, and what is said of it. An estimate that holds centre or range
+    stays. What is said has a `doubt` where limb and product disagree all the same."""
+    settings, scene, limits = given.settings, given.scene, given.thresholds.contradiction
     limit = settings.limb_led_px
     if limit is None or estimate.free.held[OBSERVED].any():
         return estimate, None
     # One law's error of brightness near the limb would move the rendered edges.
     mixed = replace(scene, settings=scene.settings.model_copy(update={"photometry": "mixture"}))
-    scale = Level.of(observation, mixed, estimate.state, settings.diameter_px)
+    level = Level.of(replace(given, scene=mixed), estimate.state, settings.diameter_px)
     pulled = difference(estimate.state, estimate.free_state, scene.camera)
     try:
-        limb, edges_px = shown_by(estimate.free, scale, pulled)
-        if edges_px <= limit and not witnesses(estimate, limb, metadata, sigmas, scene.camera).contradict:
+        limb, edges_px = shown_by(estimate.free, level, pulled)
+        if edges_px <= limit and not witnesses(given, estimate, limb).contradict:
             return estimate, None
-        before = limb_observation(scale, estimate.state)
+        before = limb_observation(level, estimate.state, limits.limb_sky_px)
         # The trajectory may hold the product farther from the free solution than one linear step of the limb reaches.
-        free = before.after(-pulled) if before.rms_px <= limit else limb_observation(scale, estimate.free_state)
-        seen = witnesses(estimate, free, metadata, sigmas, scene.camera)
-        if before.rms_px <= limit and not seen.contradict:
+        near = before.rms_px <= limit
+        free = before.after(-pulled) if near else limb_observation(level, estimate.free_state, limits.limb_sky_px)
+        seen = witnesses(given, estimate, free)
+        if near and not seen.contradict:
             return estimate, None
-        led, grown = limb_filter(scale, estimate, seen, metadata, sigmas, scene, progress)
-        led = with_range_prior(led, metadata, sigmas, scene.camera)
-        after = limb_observation(scale, led.state)
-        if not fits_better(after, before):
+        led, grown = limb_filter(given, level, estimate, seen)
+        led = with_range_prior(led, given)
+        after = limb_observation(level, led.state, limits.limb_sky_px)
+        if not fits_better(after, before, limits.chance):
             # It leads nowhere: the solution stays, its errors as large as the contradiction.
             grown = seen.growth()
-            grown_errors = grown * seen.own + estimate.common
-            led = with_range_prior(replace(estimate, free_covariance=grown_errors), metadata, sigmas, scene.camera)
+            led = with_range_prior(replace(estimate, free_covariance=grown * seen.own + estimate.common), given)
             after = before
         sure = led.covariance
         if after is not before:
-            led = with_the_other(led, estimate, scene.camera)
+            led = with_the_other(led, estimate, scene.camera, limits.led_wrong)
     except FailedError:
         return estimate, None
     moved = difference(led.state, estimate.state, scene.camera)
     evidence = {"limb_px": [before.rms_px, after.rms_px], "moved_px": moved[OFFSET].tolist(), "error_grown": grown**0.5}
-    if doubt := doubt_of_limb(after, sure):
+    if doubt := doubt_of_limb(after, sure, limits.chance_doubted):
         evidence["doubt"] = doubt
     return led, evidence
 
 
-def with_the_other(led: Estimate, estimate: Estimate, camera: Camera) -> Estimate:
+def with_the_other(led: Estimate, estimate: Estimate, camera: Camera, wrong: float) -> Estimate:
     """What the limb led, known only as well as two answers are of which the one that was taken is wrong with
-    probability LED_WRONG: the variance of their mixture, along what lies between them."""
-    share = LED_WRONG * (1 - LED_WRONG)
+    probability `wrong`: the variance of their mixture, along what lies between them."""
+    share = wrong * (1 - wrong)
     free, product = (
         difference(a, b, camera) for a, b in ((led.free_state, estimate.free_state), (led.state, estimate.state))
     )
@@ -141,25 +125,26 @@ def with_the_other(led: Estimate, estimate: Estimate, camera: Camera) -> Estimat
     )
 
 
-def fits_better(after: LimbObservation, before: LimbObservation) -> bool:
+def fits_better(after: LimbObservation, before: LimbObservation, chance: float) -> bool:
     """Whether the limb lies nearer by more than chance explains: what its squares are less, by those that are left for
     each part that errs on its own, three unknowns having been led."""
     gain = (before.rms_px**2 - after.rms_px**2) / max(after.rms_px**2, 1e-12)
-    return bool(gain * after.independent > chi_square(len(after.step)))
+    return bool(gain * after.independent > chi_square(len(after.step), chance))
 
 
-def witnesses(estimate: Estimate, limb: LimbObservation, metadata: State, sigmas: Array, camera: Camera) -> Witnesses:
-    """Limb, asking from the free solution, and trajectory as witnesses of the estimate. Errors that limb and pixels
+def witnesses(given: Problem, estimate: Estimate, limb: LimbObservation) -> Witnesses:
+    """Limb, as seen from the free solution, and trajectory as witnesses of the estimate. Errors that limb and pixels
     share, such as the body's radius, are between them and the trajectory."""
     own = estimate.free_covariance - estimate.common
-    wanted = -float(difference(estimate.free_state, metadata, camera)[RANGE])
-    return Witnesses(own, limb, wanted, float(sigmas[RANGE] ** 2 + estimate.common[RANGE, RANGE]))
+    wanted = -float(difference(estimate.free_state, given.metadata, given.scene.camera)[RANGE])
+    variance = float(given.sigmas[RANGE] ** 2 + estimate.common[RANGE, RANGE])
+    return Witnesses(own, limb, wanted, variance, given.thresholds.contradiction.chance)
 
 
-def doubt_of_limb(limb: LimbObservation, covariance: Array) -> str | None:
+def doubt_of_limb(limb: LimbObservation, covariance: Array, chance: float) -> str | None:
     """Whether the product, of covariance (8, 8), is not where the limb is."""
     away = float(limb.step @ np.linalg.solve(limb.covariance + covariance[OBSERVED, OBSERVED], limb.step))
-    if away <= chi_square(len(limb.step), CHANCE_DOUBTED):
+    if away <= chi_square(len(limb.step), chance):
         return None
     x, y, growth = limb.step
     return (
@@ -170,31 +155,23 @@ def doubt_of_limb(limb: LimbObservation, covariance: Array) -> str | None:
     )
 
 
-def limb_filter(
-    scale: Level,
-    estimate: Estimate,
-    seen: Witnesses,
-    metadata: State,
-    sigmas: Array,
-    scene: Scene,
-    progress: Progress | None,
-) -> tuple[Estimate, float]:
+def limb_filter(given: Problem, level: Level, estimate: Estimate, seen: Witnesses) -> tuple[Estimate, float]:
     """The limb as an observation of centre and range (one step of a Kalman filter, measured anew where it leads), with
     the estimate's own covariance grown so far that it contradicts none of the witnesses; and by what factor it was
     grown."""
-    camera, own = scene.camera, seen.own
+    camera, own, limits = given.scene.camera, seen.own, given.thresholds.contradiction
     state, grown, errors = estimate.free_state, 1.0, own
-    for number in range(1, ROUNDS + 1):
+    for number in range(1, limits.limb_rounds + 1):
         wanted = seen.limb.step
         grown = seen.growth()
         gain = grown * own[:, OBSERVED] @ np.linalg.inv(grown * own[OBSERVED, OBSERVED] + seen.limb.covariance)
         errors = grown * own - gain @ (grown * own[OBSERVED])
         moved = difference(estimate.free_state.moved(gain @ wanted, camera), state, camera)
         state = estimate.free_state.moved(gain @ wanted, camera)
-        if progress:
-            progress("limb", number, f"{seen.limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
-        if np.hypot(*moved[OFFSET]) < STILL_PX or number == ROUNDS:
+        if given.progress:
+            given.progress("limb", number, f"{seen.limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
+        if np.hypot(*moved[OFFSET]) < limits.limb_still_px or number == limits.limb_rounds:
             break
-        limb = limb_observation(scale, state).after(difference(estimate.free_state, state, camera))
-        seen = witnesses(estimate, limb, metadata, sigmas, camera)
+        limb = limb_observation(level, state, limits.limb_sky_px)
+        seen = witnesses(given, estimate, limb.after(difference(estimate.free_state, state, camera)))
     return replace(estimate, free_state=state, free_covariance=errors + estimate.common), grown

@@ -1,24 +1,25 @@
 """One linearised least-squares problem: weights of the linear unknowns and a step of the others, robust, with priors
 and with the tiles' own unknowns eliminated."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.robust import huber_cost, huber_weight
 from tasks.compiled import compiled
+from tasks.joint.thresholds import Thresholds
 from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
-ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class LinearProblem:
     """image = columns . values + tiles' columns . tiles' values. columns: (n, ny, nx); local: (LOCAL, ny, nx), the
-    tiles' columns; prior (n,): inverse variances about expected (n,); local_prior (tiles, LOCAL): about zero."""
+    tiles' columns; prior (n,): inverse variances about expected (n,); local_prior (tiles, LOCAL): about
+    zero."""
 
     image: Image
     columns: Image
@@ -28,6 +29,17 @@ class LinearProblem:
     expected: Array
     local_prior: Array
     huber: float
+    thresholds: Thresholds
+
+    def extended(self, columns: Image, prior: Array) -> "LinearProblem":
+        """The problem with more unknowns, which come first: their columns (k, ny, nx), and inverse variances (k,) about
+        zero."""
+        return replace(
+            self,
+            columns=np.concatenate([columns, self.columns]),
+            prior=np.concatenate([prior, self.prior]),
+            expected=np.concatenate([np.zeros(len(prior)), self.expected]),
+        )
 
 
 @dataclass(frozen=True)
@@ -57,7 +69,7 @@ class Fit:
         return scaled_inverse(self.normal)
 
 
-def solve(problem: LinearProblem, weight: Image, start: Image | None = None) -> Fit:
+def solve_linear(problem: LinearProblem, weight: Image, start: Image | None = None) -> Fit:
     """Robust least squares with weight (ny, nx), inverse variance, 0 where unusable.
 
     start: residuals (ny, nx) by which the first round is down-weighted.
@@ -68,7 +80,7 @@ def solve(problem: LinearProblem, weight: Image, start: Image | None = None) -> 
     target, base = problem.image.ravel(), np.ascontiguousarray(weight.ravel(), np.float32)
     label = problem.tiles.label.ravel()
     now = base if start is None else _robust(base, start.ravel(), problem.huber)
-    for _ in range(ROUNDS):
+    for _ in range(problem.thresholds.iteration.huber_rounds):
         normal, right, cross, inner, inner_right = _accumulate(design, LOCAL, target, now, label, problem.tiles.count)
         inner += problem.local_prior[:, :, None] * np.eye(LOCAL)
         # Every tile's unknowns expressed by the others: Schur's complement.

@@ -29,6 +29,8 @@ from tasks.attitude.texture import Texture, texture_of
 from tasks.joint.coarse_to_fine import Estimate
 from tasks.joint.outline import outline_spread
 from tasks.joint.parameters import ATTITUDE, PSF, State, difference
+from tasks.joint.problem import Problem
+from tasks.joint.thresholds import OrientationThresholds
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
@@ -43,20 +45,6 @@ class Solvers:
 
     solve: Callable[[State, bool], Estimate]
     lead: Callable[[Estimate], tuple[Estimate, Evidence | None]]
-
-
-# A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
-# predicted orientation, or where it moves the middle of the disk by less than so many pixels.
-BORNE_OUT, NEGLECTED_PX = 16.0, 0.1
-# Two orientations whose evidence differs by less than BORNE_OUT and this share of it are as good as each other
-# (measured: 0.03 at a turn of 0.3 deg on a disk of 60 px radius).
-SAME_SHARE = 0.05
-# What a small turn moves is extrapolated to the prior's sigma by no more than this.
-MOST_STRETCH = 3.0
-# What map and laws feign of a turn across the line of sight and about it, 1-sigma, in pixels that it moves the disk's
-# middle, or its limb. With these, and the map's frame, which counts apart, 55 images of the honesty benchmark (six
-# laws, radius 12-140 px) lie within 1 and 2 sigmas by 77 and 97 % across, 82 and 100 % about it.
-ACROSS_PX, ABOUT_PX = 0.08, 0.05
 
 
 @dataclass(frozen=True)
@@ -77,26 +65,20 @@ class Orientation:
 
 
 def oriented(
-    observation: Observation,
-    solvers: Solvers,
-    start: State,
-    metadata: State,
-    sigmas: Array,
-    scene: Scene,
-    markings_match: bool,
-    is_held: bool,
+    given: Problem, solvers: Solvers, start: State, markings_match: bool, is_held: bool
 ) -> tuple[Estimate, Evidence | None, Orientation]:
-    """The estimate from `start` with the orientation that the image bears out, what the limb told, and the
-    verdict.
+    """The estimate from `start` with the orientation that the image bears out, what the limb said, and the verdict.
 
-    sigmas: (8,) of the priors. markings_match: False where the markings are already known not to be the map's. is_held:
-    whether the user holds the attitude.
+    markings_match: False where the markings are already known not to be the map's. is_held: whether the user holds the
+    attitude.
     """
+    observation, scene, metadata, sigmas = given.observation, given.scene, given.metadata, given.sigmas
+    limits = given.thresholds.orientation
     found = solvers.solve(start, is_held)
     estimate, led = solvers.lead(found)
     prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
     if np.ptp(scene.basemap.albedo) == 0:
-        return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
+        return with_prior(given, estimate, estimate, is_held), led, Orientation(Markings("no-map"), "prior")
     verdict, texture = markings_and_texture(observation, estimate.state.pose, scene, prior_deg)
     if is_held:
         return estimate, led, Orientation(verdict, "prior")
@@ -115,10 +97,10 @@ def oriented(
     gain = None
     if texture is not None and verdict.verdict == "matched" and says_more(estimate, sigmas):
         gain = gained(texture, turn)
-        doubtful = gain < BORNE_OUT and angle > NEGLECTED_PX * texture.pixel_deg
-        if not doubtful or (gain > -no_difference(verdict) and angle <= prior_deg):
+        doubtful = gain < limits.borne_out and angle > limits.neglected_px * texture.pixel_deg
+        if not doubtful or (gain > -no_difference(verdict, limits) and angle <= prior_deg):
             conflict = conflict_of(angle, prior_deg, verdict)
-            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
+            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3), limits)
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
     held, led_held = solvers.lead(solvers.solve(predicted, True))
@@ -131,8 +113,8 @@ def oriented(
         # Markings that are not the image's pull a body that is held at them; one that was free has turned them away.
         # Turned back it has another outline, which the limb leads anew.
         back, led_back = solvers.lead(turned_back(found, metadata.pose))
-        return with_prior(back, held, sigmas, False, scene), led_back, known
-    return with_prior(held, estimate, sigmas, False, scene), led_held, known
+        return with_prior(given, back, held), led_back, known
+    return with_prior(given, held, estimate), led_held, known
 
 
 def turned_back(estimate: Estimate, predicted: Pose) -> Estimate:
@@ -175,9 +157,9 @@ def says_more(estimate: Estimate, sigmas: Array) -> bool:
     return bool((np.sqrt(np.diag(estimate.covariance)[ATTITUDE]) <= sigmas[ATTITUDE]).all())
 
 
-def no_difference(verdict: Markings) -> float:
+def no_difference(verdict: Markings, limits: OrientationThresholds) -> float:
     """Differences of evidence that say nothing: chance, and what maps get wrong, which grows with the evidence."""
-    return BORNE_OUT + SAME_SHARE * (verdict.sigmas or 0.0) ** 2
+    return limits.borne_out + limits.same_share * (verdict.sigmas or 0.0) ** 2
 
 
 def gained(texture: Texture, back: Array) -> float:
@@ -188,28 +170,32 @@ def gained(texture: Texture, back: Array) -> float:
     return here - evidence_of(texture.correlations(back), independent)
 
 
-def with_least_error(estimate: Estimate, texture: Texture, spread_deg: Array) -> Estimate:
+def with_least_error(
+    estimate: Estimate, texture: Texture, spread_deg: Array, limits: OrientationThresholds
+) -> Estimate:
     """The estimate with the orientation's errors that no residual shows, and that of `spread_deg` (3,), a rotation
     vector, along that."""
     pose = estimate.state.pose
     sight = pose.camera_from_body.T @ (pose.target_in_camera_km / pose.range_km)
     pixel_deg, about = texture.pixel_deg / texture.reduction, np.outer(sight, sight)
     least = np.zeros_like(estimate.covariance)
-    least[ATTITUDE, ATTITUDE] = (ACROSS_PX * pixel_deg) ** 2 * (np.eye(3) - about) + (ABOUT_PX * pixel_deg) ** 2 * about
+    least[ATTITUDE, ATTITUDE] = (limits.across_px * pixel_deg) ** 2 * (np.eye(3) - about)
+    least[ATTITUDE, ATTITUDE] += (limits.about_px * pixel_deg) ** 2 * about
     least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
     return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
 
 
-def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool, scene: Scene) -> Estimate:
-    """`held`, solved at the predicted orientation, with that known by its prior of 1-sigma `sigmas` (8,); all else is
-    known less well, as far as it moved in `free`, solved without holding it, the more the wider the prior is."""
+def with_prior(given: Problem, held: Estimate, free: Estimate, is_held: bool = False) -> Estimate:
+    """`held`, solved at the predicted orientation, with that known by its prior; all else is known less well, as far as
+    it moved in `free`, solved without holding it, the more the wider the prior is."""
+    sigmas, scene, limits = given.sigmas, given.scene, given.thresholds.orientation
     if is_held or not np.isfinite(sigmas[ATTITUDE]).all():
         return held
     moved = difference(free.state, held.state, scene.camera)
     prior_deg, angle = float(np.max(sigmas[ATTITUDE])), float(np.linalg.norm(moved[ATTITUDE]))
-    moved *= prior_deg / max(angle, prior_deg / MOST_STRETCH)
+    moved *= prior_deg / max(angle, prior_deg / limits.most_stretch)
     moved[ATTITUDE], moved[PSF] = 0, 0
-    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg)
+    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg, limits.fewest_directions)
     spread[ATTITUDE, ATTITUDE] = np.diag(sigmas[ATTITUDE] ** 2)
     return replace(held, covariance=held.covariance + spread, free_covariance=held.free_covariance + spread)
 

@@ -1,6 +1,6 @@
 """One image at a fraction of its resolution, and what is found there in pixels of the full one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.joint.parameters import NAMES, OFFSET, State
+from tasks.joint.problem import Problem
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -32,11 +33,16 @@ class Level:
     scene: Scene
 
     @classmethod
-    def of(cls, observation: Observation, scene: Scene, state: State, diameter_px: float) -> "Level":
+    def of(cls, given: Problem, state: State, diameter_px: float) -> "Level":
         """The one at which the part of the disk at `state` that is in the frame has about as many pixels as a whole one
         of `diameter_px`, or the image itself."""
-        n = max(1, round(width_in_frame_px(scene, state.pose) / diameter_px))
-        return cls(n, reduced_observation(observation, n), reduced_scene(scene, n))
+        n = max(1, round(width_in_frame_px(given.scene, state.pose) / diameter_px))
+        return cls(n, reduced_observation(given.observation, n), reduced_scene(given.scene, n))
+
+    def problem(self, given: Problem) -> Problem:
+        """The image's problem, as it is here."""
+        metadata = self.down(given.metadata)
+        return replace(given, observation=self.observation, scene=self.scene, metadata=metadata)
 
     def down(self, state: State) -> State:
         """A state of the image, as it is here."""

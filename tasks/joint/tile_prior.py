@@ -7,15 +7,8 @@ from tasks.joint.normal_equations import Fit
 from tasks.joint.settings import TileSettings
 from tasks.joint.tiles import GAINS, LOCAL
 
-# Fewer tiles say nothing of the others; no map is better than this.
-FEWEST, SMALLEST = 8, 1e-3
-# Maps are wrong in patches: the spread over all tiles would hold the worst of them too tightly.
-HEAVY_TAIL = 4.0
-# A surplus of less than so many sigmas is chance.
-CHANCE = 2.0
+# 1-sigma of what is held.
 HELD = 1e-9
-# A tile counts when the image says so many times more of its gain than was believed beforehand.
-SEEN = 4.0
 
 
 def learned_prior(fit: Fit, before: NDArray, sectors: int, settings: TileSettings) -> NDArray[np.float64]:
@@ -34,20 +27,20 @@ def learned_prior(fit: Fit, before: NDArray, sectors: int, settings: TileSetting
     by_noise = np.einsum("tij,tji->ti", shrunk, fit.own_covariance)
     prior = np.empty_like(before)
     for part in (limb, ~limb):
-        known = part & (fit.gain_information > SEEN / largest[0] ** 2)
+        known = part & (fit.gain_information > settings.seen / largest[0] ** 2)
         sigma = largest
-        if known.sum() >= FEWEST:
+        if known.sum() >= settings.fewest:
             surplus = (fit.own[known] ** 2 - by_noise[known]).sum(axis=0)
-            by_chance = CHANCE * np.sqrt(2 * (by_noise[known] ** 2).sum(axis=0))
+            by_chance = settings.chance * np.sqrt(2 * (by_noise[known] ** 2).sum(axis=0))
             passed = (shrunk[known] ** 2).sum(axis=0)
             scale = np.sqrt(np.maximum(np.diag(passed), 1e-300))
             variance = nnls(passed / scale / scale[:, None], surplus / scale)[0] / scale
-            sigma = HEAVY_TAIL * np.sqrt(variance * bool((surplus > by_chance).any()))
+            sigma = settings.heavy_tail * np.sqrt(variance * bool((surplus > by_chance).any()))
             # An even veil looks much like a gain, but gains that change across tiles cannot be the same in all; nor is
             # there a preferred direction.
             sigma[1:GAINS] = sigma[1:GAINS].max()
             sigma[0] = sigma[:GAINS].max()
-        prior[part] = 1 / np.clip(sigma, np.minimum(SMALLEST, largest), largest) ** 2
+        prior[part] = 1 / np.clip(sigma, np.minimum(settings.smallest, largest), largest) ** 2
     return prior
 
 
@@ -55,8 +48,8 @@ def limb_gain(fit: Fit, before: NDArray, sectors: int, settings: TileSettings) -
     """RMS of the gains of the sectors along the limb in a fit with the inverse variances `before` (tiles, LOCAL),
     beyond what noise makes them: what map and laws get wrong of the limb's brightness, relative. 0 where the image
     tells too few of them."""
-    known = np.flatnonzero(fit.gain_information[:sectors] > SEEN / max(settings.gain, HELD) ** 2)
-    if len(known) < FEWEST:
+    known = np.flatnonzero(fit.gain_information[:sectors] > settings.seen / max(settings.gain, HELD) ** 2)
+    if len(known) < settings.fewest:
         return 0.0
     own, variance = fit.own[known, 0], fit.own_covariance[known, 0, 0]
     by_noise = variance * (1 - variance * before[known, 0])

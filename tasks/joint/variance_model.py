@@ -9,22 +9,14 @@ from tasks.joint.cutout import Cutout
 from tasks.joint.model import Model
 from tasks.joint.normal_equations import Fit
 from tasks.joint.settings import JointSettings
+from tasks.joint.thresholds import VarianceThresholds
 from tasks.joint.tile_prior import first_prior, learned_prior
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-RELATIVE_ERROR, DUSK_ERROR = 0.02, 0.3
-# With tiles that differ by so much, 1-sigma, or more, nothing is believed at the terminator.
-DUSK_GAIN = 0.05
-LEAST_RELATIVE, MOST_RELATIVE = 0.001, 0.2
-LEAST_EDGE_PX = 0.003
-FEWEST_PIXELS = 50
-BLOCK_PX = 8
 BISECTIONS = 10
 MEDIAN_CHI2 = 0.455  # of one degree of freedom
-# Share of the pixels near the limb, those with the steepest brightness, that tell how well places are known.
-STEEP_SHARE = 0.3
 
 
 @dataclass(frozen=True)
@@ -45,32 +37,33 @@ class VarianceModel:
     @classmethod
     def at_first(cls, model: Model, settings: JointSettings) -> "VarianceModel":
         """Before anything is known."""
-        return cls(
-            RELATIVE_ERROR, DUSK_ERROR, settings.edge_px, 1.0, 1.0, first_prior(model.tiles.count, settings.tiles)
-        )
+        first = settings.thresholds.variance
+        tiles = first_prior(model.tiles.count, settings.tiles)
+        return cls(first.relative, first.dusk, settings.edge_px, 1.0, 1.0, tiles)
 
     def learned(self, model: Model, data: Cutout, weights: Array, fit: Fit, settings: JointSettings) -> "VarianceModel":
         """What the residuals of `fit`, made at the bases' `weights` (k,), say."""
+        limits = settings.thresholds.variance
         bright = model.brightness(weights)
         noise = np.sqrt(data.variance)
         inside = (model.coverage > 0.99) & data.usable & (model.mu0 > 2 * settings.terminator)
         relative = self.relative
-        if inside.sum() > FEWEST_PIXELS:
-            relative = _surplus(fit.residual[inside], noise[inside], bright[inside], MOST_RELATIVE)
-        relative = max(relative, LEAST_RELATIVE)
+        if inside.sum() > limits.fewest_pixels:
+            relative = _surplus(fit.residual[inside], noise[inside], bright[inside], limits.most_relative)
+        relative = max(relative, limits.least_relative)
         steep = _steepness(model.picture(weights) if model.hides else bright)
         limb = (model.tiles.label >= 0) & (model.tiles.label < model.tiles.sectors) & data.usable
         edge = self.edge_px
-        if limb.sum() > FEWEST_PIXELS:
-            limb &= steep > np.quantile(steep[limb], 1 - STEEP_SHARE)
+        if limb.sum() > limits.fewest_pixels:
+            limb &= steep > np.quantile(steep[limb], 1 - limits.steep_share)
             known = np.hypot(noise[limb], relative * bright[limb])
             edge = _surplus(fit.residual[limb], known, steep[limb], settings.edge_px)
-        edge = max(edge, min(LEAST_EDGE_PX, settings.edge_px))
+        edge = max(edge, min(limits.least_edge_px, settings.edge_px))
         tiles = learned_prior(fit, self.tiles, model.tiles.sectors, settings.tiles)
-        dusk = DUSK_ERROR * min(1.0, float(tiles[-1, 0]) ** -0.5 / DUSK_GAIN)
+        dusk = limits.dusk * min(1.0, float(tiles[-1, 0]) ** -0.5 / limits.dusk_gain)
         disk = model.tiles.label >= 0
-        sky = _excess(fit.residual, data.variance, ~disk & data.usable) * _shared(fit, ~disk)
-        return VarianceModel(relative, dusk, edge, _shared(fit, disk), sky, tiles)
+        sky = _excess(fit.residual, data.variance, ~disk & data.usable, limits) * _shared(fit, ~disk, limits)
+        return VarianceModel(relative, dusk, edge, _shared(fit, disk, limits), sky, tiles)
 
     def weight(self, model: Model, data: Cutout, weights: Array, settings: JointSettings) -> Image:
         """Inverse variance (ny, nx) of image minus model: noise, a relative error, places known to `edge_px`, and no
@@ -92,18 +85,19 @@ def _at_dusk(model: Model, data: Cutout, bright: Image, settings: JointSettings)
     return np.asarray(near * np.minimum(bright + 0.05 * typical, typical), np.float32)
 
 
-def _excess(residual: Image, variance: Image, where: NDArray[np.bool_]) -> float:
+def _excess(residual: Image, variance: Image, where: NDArray[np.bool_], limits: VarianceThresholds) -> float:
     """Robust mean square of residuals over their variance, at least 1."""
-    if where.sum() <= FEWEST_PIXELS:
+    if where.sum() <= limits.fewest_pixels:
         return 1.0
     return max(float(np.median(residual[where] ** 2 / np.maximum(variance[where], 1e-12))) / MEDIAN_CHI2, 1.0)
 
 
-def _shared(fit: Fit, where: NDArray[np.bool_]) -> float:
+def _shared(fit: Fit, where: NDArray[np.bool_], limits: VarianceThresholds) -> float:
     """Mean square of the summed residuals of small blocks over the sum of their squares: 1 for independent pixels."""
+    block = limits.block_px
     residual = np.where(where, fit.residual * np.sqrt(fit.weight), 0).astype(np.float64)
-    ny, nx = (n // BLOCK_PX * BLOCK_PX for n in residual.shape)
-    blocks = residual[:ny, :nx].reshape(ny // BLOCK_PX, BLOCK_PX, nx // BLOCK_PX, BLOCK_PX)
+    ny, nx = (n // block * block for n in residual.shape)
+    blocks = residual[:ny, :nx].reshape(ny // block, block, nx // block, block)
     squares = float((blocks**2).sum())
     return float(max((blocks.sum(axis=(1, 3)) ** 2).sum() / squares, 1.0)) if squares > 0 else 1.0
 

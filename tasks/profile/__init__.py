@@ -15,6 +15,7 @@ from catalog.settings import DEFAULT_PROFILE
 from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings
 from tasks.diagnose.settings import DiagnoseSettings
+from tasks.initial_pose import ImagePoseSettings
 from tasks.joint import JointSettings
 from tasks.joint.settings import Group
 from tasks.point import PointSettings
@@ -72,6 +73,7 @@ class Profile(BaseModel):
     steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
     hold: tuple[Group, ...] = ()
     undistort: UndistortSettings = UndistortSettings()
+    image_pose: ImagePoseSettings = ImagePoseSettings()
     simulate: SceneSettings = SceneSettings()
     point: PointSettings = PointSettings()
     roll: RollSettings = RollSettings()

@@ -51,8 +51,8 @@ def undistort(
 
 def seen_marks(observation: Observation, camera: Camera) -> tuple[SeenMarks | None, Observation]:
     """The marks of a raw frame with the bending of its beam, and the frame with the marks filled; None and the frame
-    itself for a camera without marks, or a product that has none any more."""
-    table = table_of(camera)
+    itself for a camera without marks, a summed frame (its marks are too small), or a product that has none any more."""
+    table = table_of(camera) if camera.unsummed is None else None
     if table is None:
         return None, observation
     marks = find_marks(observation, table)

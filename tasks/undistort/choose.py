@@ -18,6 +18,7 @@ from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES, optics_model
 from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
 from tasks.undistort.settings import UndistortSettings
+from tasks.undistort.summed import SummedModel
 from tasks.undistort.turned import TurnedModel
 
 RESEAU = "reseau"
@@ -44,6 +45,9 @@ def chosen_model(
     seen: what was measured in the frame; without it the camera's nominal table is used. Raises RefusedError when the
     camera lacks what the method needs, or the marks do not carry the method.
     """
+    if camera.unsummed is not None:
+        whole, evidence = chosen_model(camera.unsummed, settings)
+        return SummedModel(whole, camera.summing, camera.detector_size_px, camera.size_px), evidence
     method = chosen_method(camera, settings, seen)
     model: DistortionModel
     if method in OPTICS_NAMES:

@@ -47,7 +47,7 @@ def literals_in(path: Path) -> Iterator[str]:
 
 
 def members_in(path: Path) -> set[str]:
-    return {Reason[name].value for name in re.findall(r"\bReason\.([A-Z_]+)\b", path.read_text(encoding="utf-8"))}
+    return {Reason[name].value for name in re.findall(r"\bReason\.([A-Z0-9_]+)\b", path.read_text(encoding="utf-8"))}
 
 
 def test_every_reason_has_a_status_a_meaning_and_a_remedy() -> None:

@@ -30,7 +30,7 @@ from tasks.validate.sun import SunReport
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = LimbFigures(
     rms_px=0.1, mean_px=(0.0, 0.0), normal_rms_px=0.1, normal_median_px=0.0, robust_px=0.1, disagreeing=0.0, blur=1.0,
-    points=99, tried=99, similarity=0.9, correlation=0.9, likeness=0.9,
+    psf_sigma_px=0.8, points=99, tried=99, similarity=0.9, correlation=0.9, likeness=0.9,
 )  # fmt: skip
 REPORT = ValidateResult(
     limb=LIMB,

@@ -31,7 +31,7 @@ def written(folder: Path, text: str, name: str = "own.toml") -> Path:
         (LINE, "accept.max_limb_rms_px", 3.0, 6.0),
         ("passes = 2\n", "passes", 1, 2),
         ('hold = ["attitude"]\n', "hold", [], ["attitude"]),
-        ("[joint.priors.file]\nrange_relative = 0.001\n", "joint.priors.file.range_relative", 0.02, 0.001),
+        ("[joint.priors.file]\nrange_share = 0.001\n", "joint.priors.file.range_share", 0.02, 0.001),
         ("[joint]\nplain = []\n", "joint.plain", ["lambert", "lommel-seeliger"], []),
         ("[range.limb]\nacross = 100\n", "range.limb.across", 200, 100),
         ('[joint]\nlimb_led_px = "none"\n', "joint.limb_led_px", 0.3, None),

@@ -95,7 +95,7 @@ def test_what_simulated_images_lack_is_taken_out_of_the_stated_errors() -> None:
     truth: Pose = true_pose(camera)
     lacking = not_simulated(find_profile("joint"), truth, camera, EUROPA)
     assert lacking["range_factor"] == pytest.approx(np.hypot(0.3 / 1560.8, 0.32 / 1560.8 / 3), rel=0.01)
-    assert lacking["attitude_deg"] == find_profile("joint").joint.systematic.map_frame_deg
+    assert lacking["attitude_deg"] == EUROPA.map_frame_deg == 0.1
     assert not_simulated(find_profile("standard"), truth, camera, EUROPA) == {}
     stated = {"centre_px": [0.05, 0.04], "range_factor": 5e-4, "attitude_deg": [0.2, 0.2, lacking["attitude_deg"]]}
     found = assess(

@@ -15,7 +15,7 @@ from catalog.pose import Pose
 from lab.simulate.plant import pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.beam_bending import DistortionError
+from tasks.joint.problem import DistortionError
 from tasks.joint.step import JointInputs, Known, known_after, run
 from tasks.scene_inputs import BaseMapInputs, SceneFiles, SceneInputs
 from tasks.simulate import Scene

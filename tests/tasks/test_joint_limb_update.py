@@ -23,10 +23,12 @@ from tasks.joint.limb_update import (
     with_the_other,
 )
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State
+from tasks.joint.problem import Problem
 from tasks.simulate import Scene
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
-SIGMAS = prior_sigmas(SETTINGS.priors.file)
+SIGMAS = prior_sigmas(SETTINGS.priors.file, 1.5e5)
+LIMITS = SETTINGS.thresholds.contradiction
 PULLED_PX, PULLED_RANGE = (0.9, -0.6), 1.004
 CAMERA = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
 TRUTH = true_pose(CAMERA)
@@ -49,7 +51,7 @@ def pulled_away() -> tuple[Observation, Scene, Estimate]:
     scene = scene_of(CAMERA, "mixture", wrong_map(), oversample=3)
     start = State(planted(TRUTH, CAMERA, PULLED_PX, PULLED_RANGE, (0, 0, 0)), CAMERA.psf_sigma_px)
     held = SETTINGS.model_copy(update={"hold": ("offset", "range")})
-    there = estimated(seen, start, start, SIGMAS, scene, held)
+    there = estimated(Problem(seen, scene, start, SIGMAS, held), start)
     freed = replace(there.free, held=np.zeros(len(NAMES), bool))
     believed = there.free_covariance.copy()
     believed[OFFSET, OFFSET] = np.diag([0.01, 0.01])
@@ -60,7 +62,7 @@ def pulled_away() -> tuple[Observation, Scene, Estimate]:
 
 def test_an_estimate_that_was_pulled_off_the_limb_is_brought_back() -> None:
     seen, scene, pulled = pulled_away()
-    led, told = updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, SETTINGS)
+    led, told = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, SETTINGS), pulled)
     before, after = (pose_error(e.free_state.pose, TRUTH, CAMERA, EUROPA) for e in (pulled, led))
     sigmas = np.sqrt(np.diag(led.free_covariance))
     sigma = sigmas[OFFSET]
@@ -83,7 +85,7 @@ def test_what_the_limb_led_is_known_less_well_along_what_it_moved_by() -> None:
     step = np.zeros(len(NAMES))
     step[OFFSET] = 0.6, -0.8
     away = pulled.free_state.moved(step, scene.camera)
-    led = with_the_other(replace(pulled, free_state=away, state=away), pulled, scene.camera)
+    led = with_the_other(replace(pulled, free_state=away, state=away), pulled, scene.camera, LIMITS.led_wrong)
     for mine, before in ((led.covariance, pulled.covariance), (led.free_covariance, pulled.free_covariance)):
         more = (mine - before)[OFFSET, OFFSET]
         along, across = np.array([0.6, -0.8]), np.array([0.8, 0.6])
@@ -96,13 +98,13 @@ def test_what_the_limb_led_is_known_less_well_along_what_it_moved_by() -> None:
 def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": None})
-    assert updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings) == (pulled, None)
+    assert updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, settings), pulled) == (pulled, None)
 
 
 def test_a_limb_that_contradicts_the_errors_leads_however_many_pixels_are_allowed() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": 5.0})
-    led, told = updated_by_limb(seen, pulled, pulled.free_state, SIGMAS, scene, settings)
+    led, told = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, settings), pulled)
     assert told is not None
     assert np.hypot(*pose_error(led.free_state.pose, TRUTH, CAMERA, EUROPA).centre_px) < 0.25
 
@@ -111,8 +113,9 @@ def test_an_estimate_that_nothing_contradicts_stays() -> None:
     scene = scene_of(CAMERA, "mixture", oversample=3)
     seen = observed(clean_image(scene_of(CAMERA), TRUTH))
     start = State(TRUTH, CAMERA.psf_sigma_px)
-    found = estimated(seen, start, start, SIGMAS, scene, SETTINGS)
-    assert updated_by_limb(seen, found, start, SIGMAS, scene, SETTINGS) == (found, None)
+    given = Problem(seen, scene, start, SIGMAS, SETTINGS)
+    found = estimated(given, start)
+    assert updated_by_limb(given, found) == (found, None)
 
 
 def test_an_estimate_that_holds_centre_or_range_is_not_led() -> None:
@@ -120,7 +123,7 @@ def test_an_estimate_that_holds_centre_or_range_is_not_led() -> None:
     held = pulled.free.held.copy()
     held[RANGE] = True
     kept = replace(pulled, free=replace(pulled.free, held=held))
-    assert updated_by_limb(seen, kept, kept.free_state, SIGMAS, scene, SETTINGS)[1] is None
+    assert updated_by_limb(Problem(seen, scene, kept.free_state, SIGMAS, SETTINGS), kept)[1] is None
 
 
 def test_a_covariance_grows_until_a_difference_is_no_surprise() -> None:
@@ -146,7 +149,7 @@ def limb_at(step: tuple[float, float, float], sigma_px: float = 0.1) -> LimbObse
 
 
 def test_a_free_range_against_trajectory_and_limb_speaks_against_the_solution() -> None:
-    alone = Witnesses(OWN, limb_at((0.1, 0.0, 0.0025)), np.inf, np.inf)
+    alone = Witnesses(OWN, limb_at((0.1, 0.0, 0.0025)), np.inf, np.inf, LIMITS.chance)
     assert not alone.contradict
     both = replace(alone, range_step=0.004, range_variance=(2e-4) ** 2)
     assert both.trusted_range
@@ -159,7 +162,7 @@ def test_a_free_range_against_trajectory_and_limb_speaks_against_the_solution() 
 
 def test_a_trajectory_that_limb_and_solution_contradict_together_is_no_witness_against_it() -> None:
     """The target or its range is another: the solution keeps its errors, and the contradiction shows."""
-    seen = Witnesses(OWN, limb_at((0.05, 0.0, 0.0005)), -0.05, (2e-4) ** 2)
+    seen = Witnesses(OWN, limb_at((0.05, 0.0, 0.0005)), -0.05, (2e-4) ** 2, LIMITS.chance)
     assert not seen.trusted_range
     assert not seen.contradict
 
@@ -167,21 +170,21 @@ def test_a_trajectory_that_limb_and_solution_contradict_together_is_no_witness_a
 def test_a_solution_off_along_what_the_limb_leaves_open_is_not_contradicted() -> None:
     direction = np.array([1.0, 0.0, -0.02])
     open_to_it = LimbObservation(0.6 * direction, OWN[:3, :3] + np.outer(direction, direction), 0.1)
-    assert not Witnesses(OWN, open_to_it, np.inf, np.inf).contradict
+    assert not Witnesses(OWN, open_to_it, np.inf, np.inf, LIMITS.chance).contradict
     across = LimbObservation(np.array([0.0, 0.6, 0.0]), open_to_it.covariance, 0.1)
-    assert Witnesses(OWN, across, np.inf, np.inf).contradict
+    assert Witnesses(OWN, across, np.inf, np.inf, LIMITS.chance).contradict
 
 
 def test_a_product_that_is_not_where_the_limb_is_is_doubted() -> None:
-    assert doubt_of_limb(limb_at((0.3, 0.0, 0.0)), OWN) is None
-    doubt = doubt_of_limb(limb_at((0.9, 0.0, 0.0)), OWN)
+    assert doubt_of_limb(limb_at((0.3, 0.0, 0.0)), OWN, LIMITS.chance_doubted) is None
+    doubt = doubt_of_limb(limb_at((0.9, 0.0, 0.0)), OWN, LIMITS.chance_doubted)
     assert doubt is not None
     assert doubt.startswith("limb-and-interior-disagree: ")
 
 
 @pytest.mark.parametrize("sigmas_off", [1.0, 3.5, 8.0])
 def test_a_range_that_contradicts_its_prior_widens_the_product_s_errors(sigmas_off: float) -> None:
-    _, _, there = pulled_away()
+    seen, scene, there = pulled_away()
     prior = SIGMAS.copy()
     prior[RANGE] = 2e-4
     own = there.free_covariance.copy()
@@ -190,10 +193,11 @@ def test_a_range_that_contradicts_its_prior_widens_the_product_s_errors(sigmas_o
     step = np.zeros(len(NAMES))
     step[RANGE] = -sigmas_off * np.hypot(0.002, 2e-4)
     calm, product = (
-        with_range_prior(found, found.free_state.moved(share * step, CAMERA), prior, CAMERA) for share in (0.0, 1.0)
+        with_range_prior(found, Problem(seen, scene, found.free_state.moved(share * step, CAMERA), prior, SETTINGS))
+        for share in (0.0, 1.0)
     )
     grown = np.sqrt(product.covariance[0, 0] / calm.covariance[0, 0])
-    assert grown == pytest.approx(sigmas_off if sigmas_off**2 > chi_square(1) else 1.0, rel=0.1)
+    assert grown == pytest.approx(sigmas_off if sigmas_off**2 > chi_square(1, LIMITS.chance) else 1.0, rel=0.1)
     assert np.array_equal(product.free_covariance, own)
     assert np.sqrt(product.covariance[RANGE, RANGE]) <= 2e-4
 
@@ -227,4 +231,4 @@ def test_a_limb_leads_where_it_then_lies_nearer_by_more_than_chance(
     before_px: float, after_px: float, parts: float, better: bool
 ) -> None:
     before, after = (replace(limb_at((0, 0, 0)), rms_px=rms_px, independent=parts) for rms_px in (before_px, after_px))
-    assert fits_better(after, before) is better
+    assert fits_better(after, before, LIMITS.chance) is better

@@ -164,8 +164,10 @@ def test_an_unknown_orientation_of_a_sphere_moves_nothing_and_of_a_flat_body_muc
     scene, pose = small(60, 60)
     ball = Target(name="ball", naif_id=1, radii_km=(1560.0, 1560.0, 1560.0), body_frame="J2000")
     flat = find_target("saturn").model_copy(update={"radii_km": (1560.0, 1560.0, 1400.0)})
-    spread = {name: outline_spread(pose, replace(scene, target=t), 30.0) for name, t in {"b": ball, "f": flat}.items()}
-    few = outline_spread(pose, replace(scene, target=flat), 3.0)
+    spread = {
+        name: outline_spread(pose, replace(scene, target=t), 30.0, 8) for name, t in {"b": ball, "f": flat}.items()
+    }
+    few = outline_spread(pose, replace(scene, target=flat), 3.0, 8)
     print({name: np.sqrt(np.diag(s))[:3] for name, s in spread.items()}, np.sqrt(np.diag(few))[:3])
     assert np.abs(spread["b"]).max() < 1e-6
     assert spread["f"][RANGE, RANGE] ** 0.5 > 0.01
