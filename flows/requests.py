@@ -19,9 +19,9 @@ from catalog.settings import archive_folder
 from catalog.target import is_target_file
 from flows.image_options import ImageOptions
 from flows.options import CorrectOptions, ReprocessOptions
-from flows.places import place_of, usable_place_of
 from flows.request import Request
 from tasks.profile import Profile, find_profile
+from tasks.publish.places import place_of, usable_place_of
 
 logger = logging.getLogger("planetpose")
 
