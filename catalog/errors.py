@@ -3,6 +3,7 @@
 from typing import Self
 
 from catalog.plain_text import printable
+from catalog.reasons import Reason
 
 
 class PlanetposeError(Exception):
@@ -37,6 +38,17 @@ class RefusedError(PlanetposeError):
     """The input cannot be processed: unreadable, unknown camera, no kernels, no usable limb ..."""
 
     status = "refused"
+
+
+class WrongOptionError(RefusedError):
+    """An option of a command, or of a flow, has a value that it does not take."""
+
+    def __init__(self, option: str, fault: str, remedy: str = "") -> None:
+        super().__init__(Reason.PARAMETERS_INVALID, fault, remedy)
+        self.option = option
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
+        return type(self), (self.option, self.fault, self.remedy)
 
 
 class FailedError(PlanetposeError):

@@ -20,6 +20,8 @@ Vector = NDArray[np.float64]
 Matrix = NDArray[np.float64]
 
 POSE_KEYS = ("camera_from_j2000", "target_from_spacecraft_km", "sun_from_target_km", "body_from_j2000")
+# In place of a pose file: the pose is found in the image itself.
+IN_IMAGE = "image"
 SAME_TIME_S = 0.01
 MAX_VELOCITY_KM_S = 1000.0
 VELOCITY_KEYS = ("spacecraft_velocity_km_s", "target_velocity_km_s")  # optional, and known together

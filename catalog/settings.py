@@ -6,6 +6,7 @@ from pathlib import Path
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
 
+DEFAULT_PROFILE = "joint"  # what is taken where nobody chooses
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 
 

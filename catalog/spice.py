@@ -8,7 +8,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -94,6 +94,26 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     return found
 
 
+class KernelLists:
+    """Kernels as they are offered: a set is looked through once in the life of this, for all images of a list share a
+    few sets."""
+
+    def __init__(self) -> None:
+        self._listed: dict[tuple[Path, ...], list[Kernel]] = {}
+
+    def of(self, paths: list[Path]) -> list[Kernel]:
+        """As `list_kernels`."""
+        key = tuple(paths)
+        if key not in self._listed:
+            self._listed[key] = list_kernels(paths)
+        return self._listed[key]
+
+
+def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:
+    """Name and content hash of kernels."""
+    return tuple((kernel.path.name, kernel.sha256) for kernel in kernels)
+
+
 def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     """A kernel, and what it names if it is a meta-kernel, in its own order; meta-kernels may name others."""
     yield kernel
@@ -138,14 +158,15 @@ def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
 def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
     """Furnish kernels (files, folders, meta-kernels) for the `with` block, under the process-wide lock.
 
-    Yields what is loaded, a meta-kernel's members included. At exit, also after an error, only what was furnished here
-    is unloaded. Raises RefusedError naming a kernel that SPICE cannot load.
+    Yields what is loaded, and the meta-kernels that named some of it: what `list_kernels` says beforehand, of which
+    keys of steps are made, and SPICE itself afterwards. At exit, also after an error, only what was furnished here is
+    unloaded. Raises RefusedError naming a kernel that SPICE cannot load, or where it has loaded another one.
     """
     import spiceypy
 
     wanted = list_kernels(paths)
     with _POOL_LOCK, ExitStack() as until_unloaded:
-        was_empty = _pool_is_empty()
+        was_empty, before = _pool_is_empty(), spiceypy.ktotal("ALL")
         loaded: list[Kernel] = []
         furnished: list[str] = []
         try:
@@ -155,6 +176,7 @@ def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
                 if ready.kind != "meta" or ready.furnished:
                     furnished.append(ready.for_spice)  # first: what fails half-way must be unloaded too
                     _furnish(ready)
+            _refuse_what_spice_holds_otherwise(loaded, furnished, before)
             yield loaded
         finally:
             if was_empty:
@@ -162,6 +184,20 @@ def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
             else:
                 for path in reversed(furnished):
                     spiceypy.unload(path)
+
+
+def _refuse_what_spice_holds_otherwise(ready: list[Kernel], furnished: list[str], before: int) -> None:
+    """Raises RefusedError where what SPICE says it has loaded beside the first `before` kernels is not what was
+    `furnished`, in its order."""
+    import spiceypy
+
+    held = [spiceypy.kdata(number, "ALL")[0] for number in range(before, spiceypy.ktotal("ALL"))]
+    if held == furnished:
+        return
+    paths = {kernel.for_spice: kernel.path for kernel in ready}
+    given, found = next(pair for pair in zip_longest(furnished, held) if pair[0] != pair[1])
+    fault = f"SPICE has loaded {found or 'nothing'} in place of kernel {paths.get(given or '', 'none')}."
+    raise RefusedError("kernel-unreadable", fault, "Give each kernel by --kernels, without a meta-kernel.")
 
 
 def _readable(kernel: Kernel, until_unloaded: ExitStack) -> Kernel:

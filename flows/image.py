@@ -10,16 +10,16 @@ from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
 from flows.guidance import is_started_elsewhere
+from flows.prediction import known_at_start, predicted_pose
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
-from flows.settling import settled
-from flows.verdict import doubts, reminded
+from flows.verdict import doubts, reminded, settled
 from tasks.accept.acceptance import check_limb, explained, refuse_doubtful_behind
 from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
 from tasks.publish.step import PublishResult
-from tasks.registry import CORRECTIONS, INGEST, POSE, PUBLISH, START, UNDISTORT, UPLOAD, VALIDATE
+from tasks.registry import CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
 from tasks.scene_inputs import SceneFiles
 
 
@@ -47,17 +47,15 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     """Every step after `ingest`."""
     request = chain.request
     refuse_taken(request.product_folder, request.image, frame.sha256)
-    predicted = chain.do(POSE, *inputs.of_pose(request, frame, chain.kernels)).result
-    undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
+    predicted, undistorted = predicted_pose(chain, frame)
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
-    prior_deg = request.profile.joint.priors.of(predicted.sources).attitude_deg
-    known = Known(scene, predicted.pose, predicted.pose, predicted.sources, prior_deg)
+    known = known_at_start(request, scene, predicted)
     try:
         corrected = corrected_or_explained(chain, Corrected(known, files))
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, corrected)
-    if not chain.only_asks:
+    if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
     if request.publish_to:
@@ -117,14 +115,14 @@ def correct(chain: Chain, name: str, number: int, before: Corrected) -> Correcte
 
 
 def validate(chain: Chain, corrected: Corrected) -> None:
-    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the pose is not
-    believed."""
+    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the limb does not
+    agree with the pose."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
     check_limb(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:
     """Project every pixel and write the product into the store."""
-    told = verdict(None, doubts(chain))
-    shown, files, watched = inputs.of_publish(chain, frame, corrected.known, corrected.files, told, result_of(chain))
+    so_far = verdict(None, doubts(chain)), result_of(chain)
+    shown, files, watched = inputs.of_publish(chain, frame, corrected.known, corrected.files, *so_far)
     return chain.do(PUBLISH, shown, files, watched, destination=chain.request.product_folder)

@@ -1,26 +1,26 @@
-"""What each step of an image is given, from what the user asked for and what the steps before it found."""
+"""What each step of an image is given, from the user's request and what the steps before it found."""
 
 from pathlib import Path
 
 from catalog.camera import Camera
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
+from catalog.input_file import digest_of
+from catalog.names_digest import target_names_digest
 from catalog.pose import Pose
 from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
-from catalog.target import known_target
+from catalog.resumed import pose_to_resume
+from catalog.spice import KernelLists, kernel_inputs
+from catalog.target import Target, find_target, known_target
 from flows.chain import Chain, Done
-from flows.guidance import guidance_of, pose_to_resume
+from flows.guidance import guidance_of
 from flows.request import (
-    KernelLists,
     Request,
     basemap_inputs,
     camera_inputs,
-    digest_of,
-    kernel_inputs,
     projected_target,
     target_inputs,
-    target_names_digest,
 )
 from flows.result import profile_origin
 from tasks.code_version import code_version
@@ -30,11 +30,12 @@ from tasks.image_file import ImageFiles, ImageInputs
 from tasks.ingest.pose_step import PoseFiles, PoseInputs, PredictedPose
 from tasks.ingest.start_step import StartInputs
 from tasks.ingest.step import IngestInputs, IngestResult
+from tasks.initial_pose.step import ImagePoseFiles, ImagePoseInputs
 from tasks.objectstore.step import UploadFiles, UploadInputs
 from tasks.publish.origin import origin_of
 from tasks.publish.step import PublishFiles, PublishInputs, PublishResult
-from tasks.registry import CORRECTIONS, INGEST, POSE, STEPS
-from tasks.scene_inputs import SceneFiles, SceneInputs
+from tasks.registry import CORRECTIONS, IMAGE_POSE, INGEST, POSE, STEPS
+from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
 from tasks.undistort import UndistortSettings
 from tasks.undistort.step import UndistortFiles, UndistortInputs, UndistortResult
 from tasks.validate.step import ValidateInputs
@@ -42,7 +43,7 @@ from tasks.work import NoFiles
 
 Watched = tuple[tuple[Path, str], ...]
 # What a product says of them enters its key by value: kernels that were offered but change nothing redo no product.
-METADATA = (INGEST.name, POSE.name)
+METADATA = (INGEST.name, POSE.name, IMAGE_POSE.name)
 
 
 def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
@@ -123,15 +124,40 @@ def scene_of_image(
     request: Request, frame: IngestResult, predicted: PredictedPose, undistorted: Done[UndistortResult]
 ) -> tuple[SceneInputs, SceneFiles]:
     """What every simulation depends on, and where its image and base map are."""
-    basemap, path = basemap_inputs(request, predicted.target)
+    scene, files = mapped_scene(request, frame, predicted.target, undistorted)
+    if predicted.has_orientation:
+        return scene, files
+    # No simulation can say where an unknown orientation has the map's markings.
+    return scene.model_copy(update={"basemap": UNIFORM}), SceneFiles(files.image, None)
+
+
+def mapped_scene(
+    request: Request, frame: IngestResult, target: Target, undistorted: Done[UndistortResult]
+) -> tuple[SceneInputs, SceneFiles]:
+    """The scene of a target with its base map, and where image and map are."""
+    basemap, path = basemap_inputs(request, target)
     scene = SceneInputs(
         observation=undistorted.key,
         camera=frame.camera,
-        target=predicted.target,
+        target=target,
         basemap=basemap,
         simulate=request.profile.simulate,
     )
     return scene, SceneFiles(undistorted.folder, path)
+
+
+def of_image_pose(
+    request: Request, frame: IngestResult, undistorted: Done[UndistortResult], lists: KernelLists
+) -> tuple[ImagePoseInputs, ImagePoseFiles, Watched]:
+    """For the step `image_pose`."""
+    kernels = lists.of(request.kernel_paths)
+    target = find_target(request.target or frame.target_name, request.kernel_paths)
+    scene, files = mapped_scene(request, frame, target, undistorted)
+    inputs = ImagePoseInputs(
+        scene=scene, et=frame.et, kernels=kernel_inputs(kernels), settings=request.profile.image_pose
+    )
+    image_files = ImagePoseFiles(files.image, files.basemap, tuple(request.kernel_paths))
+    return inputs, image_files, tuple((kernel.path, kernel.sha256) for kernel in kernels)
 
 
 def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[StartInputs, NoFiles]:
@@ -140,7 +166,7 @@ def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[Sta
         camera=scene.camera,
         predicted=predicted,
         start_offset_px=request.start_offset_px,
-        resume=pose_to_resume(request),
+        resume=pose_to_resume(request.resume, request.product),
     )
     return inputs, NoFiles()
 

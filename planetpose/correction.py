@@ -37,7 +37,8 @@ def correct(
     is needed. What is done already is not done again.
 
     image: VICAR, compressed Voyager .imq, FITS, PNG or TIFF. product: name of the folder in the store; the file's name
-    without suffix by default. camera, target: name, or TOML file; None asks the label. pose_file: predicted pose, JSON.
+    without suffix by default. camera, target: name, or TOML file; None asks the label. pose_file: predicted pose, JSON,
+    or "image": found in the image itself.
     kernels: SPICE kernels, folders of them or meta-kernels; None takes PLANETPOSE_KERNELS. basemap: file, or "none";
     None takes the target's. map_left_edge_deg: east longitude of its left edge. shape: model that planes are projected
     on. profile: name or file, or settings as a profile file has them; None takes `joint`. hold: groups of parameters
@@ -50,11 +51,11 @@ def correct(
     `failed` and its `reason` says why. Raises RefusedError for a profile that cannot be used, and ValueError for
     arguments that are none (a product's name that is no folder's name, an unknown flip).
     """
-    from flows.indexing import note_in_index
     from flows.one_image import one_result
-    from flows.profile import find_profile, profile_of
     from flows.progress import Silent
     from flows.request import Request
+    from tasks.places import note_in_index
+    from tasks.profile import find_profile, profile_of
     from tasks.step import run
 
     class Reporter(Silent):

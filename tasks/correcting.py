@@ -9,6 +9,7 @@ from pydantic import BaseModel, Field
 from catalog.pose import Pose
 from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs
 from tasks.step import Changed, StepType
 from tasks.work import Work
@@ -22,6 +23,7 @@ class Known:
     attitude_prior_deg: 1-sigma of the predicted orientation, None where nothing is known of it. search_frame: whether
     the target may be anywhere in the frame. markings_match: False where an attitude step found markings in the image
     that are not the map's. image_moved: whether the image was displaced by what the disk told of its distortion.
+    own_priors: of the predicted pose, None for those of its sources.
     """
 
     scene: SceneInputs
@@ -32,6 +34,7 @@ class Known:
     search_frame: bool = True
     markings_match: bool = True
     image_moved: bool = False
+    own_priors: PriorSettings | None = None
 
 
 class CorrectionInputs(Content):

@@ -9,6 +9,7 @@ from tasks.diagnose.step import STEP as DIAGNOSE
 from tasks.ingest.pose_step import STEP as POSE
 from tasks.ingest.start_step import STEP as START
 from tasks.ingest.step import STEP as INGEST
+from tasks.initial_pose.step import STEP as IMAGE_POSE
 from tasks.joint.step import STEP as JOINT
 from tasks.objectstore.step import STEP as UPLOAD
 from tasks.point.step import STEP as POINT
@@ -21,7 +22,7 @@ from tasks.validate.step import STEP as VALIDATE
 
 CORRECTION_STEPS: tuple[CorrectionStep, ...] = (POINT, ROLL, RANGE, ATTITUDE, JOINT)
 STEPS: tuple[StepType[Any, Any, Any], ...] = (
-    *(INGEST, POSE, UNDISTORT, START),
+    *(INGEST, POSE, UNDISTORT, IMAGE_POSE, START),
     *CORRECTION_STEPS,
     *(VALIDATE, DIAGNOSE, PUBLISH, UPLOAD),
 )

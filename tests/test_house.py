@@ -21,7 +21,7 @@ LONGEST_MODULE = 300
 KNOWS_PREFECT = {"tasks/prefect_task.py"}
 KNOWS_ZARR = ("tasks/publish/", "tasks/stored.py")
 # where one image's trouble must not stop the others
-BOUNDARIES = {"flows/boundary.py", "flows/correct.py", "flows/run.py", "flows/reprocessing/command.py"}
+BOUNDARIES = {"tasks/boundary.py", "flows/correct.py", "flows/run.py"}
 # where the code of another distribution must not stop ours
 BOUNDARIES |= {"catalog/plugins.py"}
 

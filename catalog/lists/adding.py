@@ -15,7 +15,11 @@ from catalog.lists.model import ImageEntry, ImageList
 from catalog.lists.pds_index import index_entries
 from catalog.lists.scan import scan_folder
 from catalog.lists.tables import Row
+from catalog.pose import IN_IMAGE
 from catalog.target import find_target, is_target_file
+
+# Words that stand where a file's path may.
+IN_PLACE_OF_FILES = {("base map", NO_MAP), ("pose file", IN_IMAGE)}
 
 
 @dataclass(frozen=True)
@@ -109,7 +113,7 @@ def faults_of_entry(
     named |= {"base map": entry.basemap} | {f"kernel {text}": text for text in expanded(entry.kernels)}
     expected = {"image": entry.sha256, "label": entry.label_sha256}
     for what, text in named.items():
-        if text is None or (what == "base map" and text == NO_MAP):
+        if text is None or (what, text) in IN_PLACE_OF_FILES:
             continue
         path = image_list.located(text, archive)
         if not path.exists():

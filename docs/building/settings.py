@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from building.markdown import code, table
 from catalog.choice import Choice
-from flows.profile import Profile
+from tasks.profile import Profile
 
 Model = type[BaseModel]
 CODE = re.compile(r"(`[^`\n]+`)")

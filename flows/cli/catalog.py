@@ -72,7 +72,7 @@ def profiles(json: AsJson = False) -> None:
     """List the profiles with every setting that they resolve to."""
     import json as json_module
 
-    from flows.profile import find_profile, known_profiles
+    from tasks.profile import find_profile, known_profiles
 
     resolved = {name: find_profile(name).resolved() for name in known_profiles()}
     if json:

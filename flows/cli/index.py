@@ -25,8 +25,8 @@ def index(
     import json as json_module
 
     from flows.cli.output import clean_stdout
-    from flows.places import index_object_store
     from tasks.objectstore.location import is_url
+    from tasks.places import index_object_store
     from tasks.publish.index import INDEX, open_index, rebuild_index
 
     with clean_stdout() as answer:

@@ -22,8 +22,8 @@ def status(
 ) -> None:
     """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
     from flows.cli.output import clean_stdout, write_json
-    from flows.places import place_of
     from flows.status import status_of
+    from tasks.places import place_of
 
     with clean_stdout() as answer:
         found = status_of(place_of(store).store, plan)
@@ -41,7 +41,7 @@ def lines_of(found: dict[str, Any]) -> list[str]:
         return [
             f"{found['store']}: {products}, published by `planetpose correct`",
             f"  `planetpose index {found['store']}` lists what they show, `planetpose check` whether they are sound.",
-            "  How runs went is told of `planetpose reprocess`, which has not run here.",
+            "  Runs are those of `planetpose reprocess`, which has not run here.",
         ]
     lines = [f"{found['store']}: {found['images']} images"]
     for name, count in found["status"].items():

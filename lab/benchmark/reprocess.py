@@ -8,9 +8,9 @@ import tomli_w
 
 from catalog.errors import FailedError
 from catalog.reasons import Reason
-from flows.profile import find_profile
 from lab.benchmark.small import environment, watch_small
 from lab.faults.processes import Command
+from tasks.profile import find_profile
 
 Figures = dict[str, Any]
 Tell = Callable[[str, Figures], None]

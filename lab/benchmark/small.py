@@ -1,5 +1,6 @@
 """Very many small images: does any process grow, what does the orchestration cost, does the database stay usable?"""
 
+import base64
 import json
 import os
 import time
@@ -9,8 +10,8 @@ from typing import Any
 
 from catalog.errors import FailedError
 from catalog.reasons import Reason
-from flows.reprocessing.memory import resident_mb
-from lab.faults.processes import Command, children_of, command_line
+from flows.server import ServerRecord
+from lab.faults.processes import Command, children_of, command_line, resident_mb
 from lab.simulate.small_archive import PROFILE_FILE, write_small_archive
 
 LOOK_EVERY_S = 2.0
@@ -105,18 +106,20 @@ def database(server: Path) -> dict[str, float | int]:
     files = list((server / "prefect").glob("prefect.db*"))
     size_mb = round(sum(path.stat().st_size for path in files) / 1e6, 1)
     try:
-        url = json.loads((server / "server.json").read_text())["url"]
-        count, count_s = ask(url, "task_runs/count", {})
-        _, page_s = ask(url, "task_runs/filter", {"limit": 200, "sort": "EXPECTED_START_TIME_DESC"})
-        _, flows_s = ask(url, "flow_runs/filter", {"limit": 50})
+        record = ServerRecord(**json.loads((server / "server.json").read_text()))
+        count, count_s = ask(record, "task_runs/count", {})
+        _, page_s = ask(record, "task_runs/filter", {"limit": 200, "sort": "EXPECTED_START_TIME_DESC"})
+        _, flows_s = ask(record, "flow_runs/filter", {"limit": 50})
     except (OSError, ValueError) as error:
         raise FailedError(Reason.DATABASE, f"Prefect's database does not answer: {error}.") from error
     return {"mb": size_mb, "task_runs": count, "count_s": count_s, "page_of_200_s": page_s, "flow_runs_s": flows_s}
 
 
-def ask(url: str, path: str, body: dict[str, Any]) -> tuple[Any, float]:
+def ask(record: ServerRecord, path: str, body: dict[str, Any]) -> tuple[Any, float]:
     """The API's answer and its seconds."""
-    request = urllib.request.Request(f"{url}/{path}", json.dumps(body).encode(), {"Content-Type": "application/json"})
+    password = base64.b64encode(record.credentials.encode()).decode()
+    headers = {"Content-Type": "application/json", "Authorization": f"Basic {password}"}
+    request = urllib.request.Request(f"{record.url}/{path}", json.dumps(body).encode(), headers)
     started = time.monotonic()
     with urllib.request.urlopen(request, timeout=60) as reply:
         answer = json.loads(reply.read())

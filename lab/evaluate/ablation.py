@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from flows.profile import Profile, find_profile
-from tasks.joint.settings import PriorSettings, SourcePriors
+from tasks.priors import PriorSettings, SourcePriors
+from tasks.profile import Profile, find_profile
 
 FREE = PriorSettings(range_km=None, roll_deg=None, attitude_deg=None, psf_relative=None)
 

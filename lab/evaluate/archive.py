@@ -11,19 +11,19 @@ import numpy as np
 from catalog.basemap import map_of_target
 from catalog.camera import Camera, find_camera
 from catalog.errors import PlanetposeError, RefusedError
-from catalog.pose import Pose, read_pose_file
+from catalog.pose import IN_IMAGE, Pose, read_pose_file
 from catalog.reasons import Reason
 from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.image import correct_image
 from flows.one_image import one_result
-from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.evaluate.assess import Assessment, assess, in_sigmas
 from lab.simulate.archive import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
 from tasks.joint.uncertainty import of_the_body, of_the_camera
+from tasks.profile import Profile
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run
@@ -33,20 +33,22 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """One image to be corrected with one profile. listed: its line of `images.csv`."""
+    """One image to be corrected with one profile. listed: its line of `images.csv`. pose_in_image: without its pose
+    file."""
 
     folder: Path
     listed: dict[str, str]
     profile: Profile
     store: Path
+    pose_in_image: bool = False
 
     @property
     def request(self) -> Request:
-        """What `planetpose correct` would be asked for this image: its pose file, no kernels."""
+        """What `planetpose correct` would be asked for this image: its pose file, or `--pose image`; no kernels."""
         return Request(
             image=self.folder / self.listed["image"],
             store=self.store / self.profile.name,
-            pose_file=self.folder / self.listed["pose_file"],
+            pose_file=Path(IN_IMAGE) if self.pose_in_image else self.folder / self.listed["pose_file"],
             kernels=(),
             profile=self.profile,
         )
@@ -61,8 +63,10 @@ def evaluate_archive(
     limit: int | None = None,
     jobs: int = 1,
     tell: Callable[[Row], None] = lambda _: None,
+    pose_in_image: bool = False,
 ) -> list[Row]:
     """Rows (see `evaluate_image`) of every image of `folder`, all or some, with every profile; `jobs` at a time.
+    pose_in_image: the predicted poses are thrown away, and found in the images.
 
     More than one job: each in a process of its own. Raises RefusedError when there is no such archive, or nothing of it
     is left.
@@ -75,7 +79,7 @@ def evaluate_archive(
     if not listed:
         wanted = ", ".join([*products, *cameras])
         raise RefusedError(Reason.NOTHING_TO_EVALUATE, f"{folder} lists none of {wanted or 'them'}.", "See images.csv.")
-    work = [Job(folder, row, profile, store) for profile in profiles for row in listed]
+    work = [Job(folder, row, profile, store, pose_in_image) for profile in profiles for row in listed]
     rows = []
     for row in _rows(work, jobs):
         tell(row)
@@ -98,9 +102,9 @@ def evaluate_image(job: Job) -> Row:
     """Correct one image (its cached steps are not done again) and compare with the truth. The row, plain JSON values:
 
     product, camera, profile, status, reason, code (the reason's first word). truth: what images.csv says was planted.
-    steps: for each step that ends with a pose, `pose` being the predicted one, its `Assessment` and seconds. before,
-    after: of the predicted and of the published pose (None without one). uncertainty: as in the result; sigmas: errors
-    in its units, without what simulated images lack (see `not_simulated`). seconds: per step.
+    steps: for each step that ends with a pose, `pose` or `image_pose` being the predicted one, its `Assessment` and
+    seconds. before, after: of the predicted and of the published pose (None without one). uncertainty: as in the
+    result; sigmas: errors in its units, without what simulated images lack (see `not_simulated`). seconds: per step.
     """
     request = job.request
     result = one_result(request, Silent(), run_step=run)
@@ -125,7 +129,7 @@ def evaluate_image(job: Job) -> Row:
         "reason": reason,
         "code": reason.partition(":")[0] if reason else None,
         "truth": {key.removeprefix("truth."): value for key, value in job.listed.items() if key.startswith("truth.")},
-        "before": steps.get("pose"),
+        "before": steps.get("pose") or steps.get("image_pose"),
         "after": after.to_dict() if after else None,
         "uncertainty": result["uncertainty"],
         "sigmas": in_sigmas(after, result["uncertainty"], not_simulated(job.profile, truth, camera, target))

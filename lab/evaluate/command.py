@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from flows.defaults import DEFAULT_PROFILE
+from catalog.settings import DEFAULT_PROFILE
 
 
 def register(app: typer.Typer) -> None:
@@ -23,6 +23,9 @@ def evaluate(
         "out/evaluate"
     ),
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout: images and summary.")] = False,
+    pose: Annotated[
+        str | None, typer.Option(help="image: throw the predicted poses away, and find them in the images.")
+    ] = None,
     only: Annotated[list[str] | None, typer.Option(help="This product; repeat for more.")] = None,
     camera: Annotated[list[str] | None, typer.Option(help="This camera; repeat for more.")] = None,
     limit: Annotated[int | None, typer.Option(min=1, help="At most so many images.")] = None,
@@ -33,6 +36,7 @@ def evaluate(
     import sys
     from json import dumps
 
+    from catalog.pose import IN_IMAGE
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
     from lab.evaluate.ablation import ablation as ablated
@@ -41,6 +45,8 @@ def evaluate(
     from lab.evaluate.summary import summary_of
     from lab.evaluate.table import evaluation_table, write_csv
 
+    if pose not in (None, IN_IMAGE):
+        raise typer.BadParameter(f"{pose!r} is not {IN_IMAGE}", param_hint="--pose")
     named = profile or ([] if ablation else [DEFAULT_PROFILE])
     profiles = [*(usable_profile(name, None, quiet) for name in named), *(ablated() if ablation else [])]
     if len({each.name for each in profiles}) < len(profiles):
@@ -53,7 +59,9 @@ def evaluate(
     log_to_stderr()
     out.mkdir(parents=True, exist_ok=True)
     with clean_stdout() as answer:
-        rows = evaluate_archive(folder, profiles, out / "products", only or (), camera or (), limit, jobs, tell)
+        rows = evaluate_archive(
+            folder, profiles, out / "products", only or (), camera or (), limit, jobs, tell, pose is not None
+        )
         summary = summary_of(rows)
         report = {"archive": str(folder), "summary": summary, "images": rows}
         (out / "evaluate.json").write_text(dumps(report, indent=1, allow_nan=False) + "\n")

@@ -11,10 +11,10 @@ from catalog.errors import FailedError, RefusedError
 from catalog.readers import read_frame
 from catalog.reasons import Reason
 from flows.one_image import one_result
-from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.fuzz.bench import Damaged, Original, damaged_files
+from tasks.profile import find_profile
 from tasks.step import run
 
 RIGHT_PX = 1.0

@@ -7,6 +7,7 @@ from catalog.target import Target, find_target
 from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
+from tasks.priors import PriorSettings
 from tasks.step import StepType
 from tasks.work import Work
 
@@ -33,7 +34,9 @@ class PoseFiles(ImageFiles):
 
 
 class PredictedPose(Content):
-    """The pose that the metadata claim; fields as of `tasks.ingest.pose.InitialPose`."""
+    """The pose that the corrections are about; fields as of `tasks.ingest.pose.InitialPose`. priors: its own 1-sigma
+    errors, None where they are those of its sources. has_orientation: whether the body's orientation is known at all.
+    doubts: what stays unknown of it, each as `code: fault. Remedy.`"""
 
     pose: PoseField
     target: Target
@@ -42,6 +45,9 @@ class PredictedPose(Content):
     missing: tuple[str, ...] = ()
     kernels: tuple[dict[str, str], ...] = ()
     evidence: PlainJson
+    priors: PriorSettings | None = None
+    has_orientation: bool = True
+    doubts: tuple[str, ...] = ()
 
 
 def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:

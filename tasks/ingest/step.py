@@ -66,13 +66,12 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
             f"image {frame.path}: {fault}.",
             "Say which body is meant: --target NAME or FILE.toml.",
         )
+    camera = find_camera(str(files.camera or frame.camera)).at(frame.filter, temperature_of_label(frame.label))
     return IngestResult(
         product=frame.product,
         sha256=frame.sha256,
         format=frame.format,
-        camera=find_camera(str(files.camera or frame.camera))
-        .at(frame.filter, temperature_of_label(frame.label))
-        .summed(frame.mode.summing),
+        camera=camera.summed(frame.mode.summing),
         target_name=frame.target,
         et=frame.et,
         exposure_s=frame.exposure_s,

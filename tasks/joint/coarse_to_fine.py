@@ -19,15 +19,15 @@ from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
-from tasks.joint.settings import PriorSettings
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
-Source = Literal["spice", "label", "file"]
+Source = Literal["spice", "label", "file", "image"]
 
 
 @dataclass(frozen=True)

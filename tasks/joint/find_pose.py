@@ -31,6 +31,7 @@ from tasks.joint.settings import JointSettings
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.undistort.resample import displaced
@@ -48,19 +49,21 @@ def find_pose_jointly(
     progress: Progress | None = None,
     distortion: DistortionError = EXACT,
     markings_match: bool = True,
+    own_priors: PriorSettings | None = None,
 ) -> Correction:
     """Correct pointing, range, roll and attitude together, with PSF width and photometry solved along.
 
     pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
-    image's: the attitude is then told as no better known than by its prior. changed and
+    image's: the attitude is then told as no better known than by its prior. own_priors: of this predicted pose, in
+    place of those of its sources. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
     elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
     Raises FailedError when too few pixels are usable.
     """
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
-    priors = settings.priors.of(sources, has_map=not is_uniform(scene))
+    priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
     sigmas = prior_sigmas(priors, metadata.pose.range_km)
     given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress)

@@ -16,6 +16,7 @@ from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.beam_bending import displacement_of
 from tasks.joint.problem import DistortionError
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
@@ -28,11 +29,13 @@ Known = dict[str, NDArray[Any]]
 
 class JointInputs(CorrectionInputs):
     """What the result depends on. predicted, pose_sources: what the priors are about, and where it comes from.
+    own_priors: its own, None for those of its sources.
     markings_match: see `find_pose_jointly`. image_moved: what the disk tells of the beam's bending is in this image
     already, and asked again it would count twice."""
 
     predicted: PoseField
     pose_sources: dict[str, str]
+    own_priors: PriorSettings | None = None
     markings_match: bool
     image_moved: bool
     settings: JointSettings
@@ -54,6 +57,7 @@ def run(inputs: JointInputs, files: SceneFiles, work: Work) -> CorrectionResult:
         work.progress,
         distortion,
         inputs.markings_match,
+        inputs.own_priors,
     )
     bending = correction.evidence["bending"]
     if bending is None:

@@ -64,7 +64,7 @@ COLUMNS = (
     Column("limb_disagreeing", "number", "share of the segments that are more than 1 px off (validate.disagree_px)"),
     Column("similarity_before", "number", "structural similarity of image and simulation, predicted pose"),
     Column("similarity_after", "number", "the same, corrected pose"),
-    Column("pose_source", "text", "where the camera's orientation came from: `spice`, `label` or `file`"),
+    Column("pose_source", "text", "where the camera's orientation came from: `spice`, `label`, `file` or `image`"),
     Column("profile", "text", "profile of settings"),
     Column("pixel_space", "text", "`resampled` (undistorted frame) or `sensor` (the detector's own pixels)"),
     Column("image_sha256", "text", "of the source file"),

@@ -127,7 +127,7 @@ def found_in(files: PublishFiles) -> Found:
     return Found(
         records=records,
         frame=IngestResult.model_validate(records["ingest"].result),
-        predicted=PredictedPose.model_validate(records["pose"].result),
+        predicted=PredictedPose.model_validate((records.get("pose") or records["image_pose"]).result),
         undistort=UndistortResult.model_validate(records["undistort"].result),
         start=StartResult.model_validate(records["start"].result) if "start" in records else None,
         corrections={name: CorrectionResult.model_validate(records[name].result) for name in files.corrections},
@@ -170,7 +170,9 @@ def provenance(inputs: PublishInputs, found: Found) -> Json:
     return {
         "image": frame.model_dump(mode="json", include={"product", "sha256", "format", "exposure_s", "filter"}),
         "label": frame.label,
-        "initial_pose": predicted.model_dump(mode="json", include={"source", "sources", "missing", "evidence"}),
+        "initial_pose": predicted.model_dump(
+            mode="json", include={"source", "sources", "missing", "evidence", "priors"}
+        ),
         "kernels": list(predicted.kernels),
         "basemap": inputs.scene.basemap.model_dump(mode="json"),
         "undistort": found.undistort.model_dump(mode="json"),

@@ -65,6 +65,11 @@ def sun_in_image(observation: Observation, pose: Pose, scene: Scene) -> SunRepor
 
     The sigmas are by the residuals, errors that neighbouring pixels share included, and by what laws and maps do.
     """
+    return solved_with_sun(observation, pose, scene)[0]
+
+
+def solved_with_sun(observation: Observation, pose: Pose, scene: Scene) -> tuple[SunReport, Pose]:
+    """The same, and the pose with centre, range and Sun of that solution; as it was where it did not come to rest."""
     n = reduction_for(pose, scene, DIAMETER_PX)
     seen, small = reduced_observation(observation, n), reduced_scene(scene, n)
     trial, claimed = pose, pose
@@ -73,20 +78,21 @@ def sun_in_image(observation: Observation, pose: Pose, scene: Scene) -> SunRepor
         try:
             step, covariance = _step(seen, trial, small, away, claimed, both)
         except FailedError:
-            return SunReport()
+            return SunReport(), pose
         share = max(float(np.abs(step[3:]).max()) / LARGEST_DEG, float(np.abs(step[:2]).max()) / LARGEST_PX, 1.0)
         step = step / share
         trial = pose_moved_by(trial, small.camera, step[:2]).with_range_factor(float(np.exp(step[2])))
         away = away + step[3:]
         phase = claimed.phase_deg + away[1]
         if not LEAST_PHASE_DEG < phase < 180 - LEAST_PHASE_DEG:
-            return SunReport()
+            return SunReport(), pose
         still = np.abs(step[3:]).max() < max(STILL_DEG, 0.1 * float(np.sqrt(np.diag(covariance)[3:]).min()))
         if both and still:
-            return _report(away, covariance, claimed, disk_radius_px(claimed, scene.camera, scene.target))
+            report = _report(away, covariance, claimed, disk_radius_px(claimed, scene.camera, scene.target))
+            return report, with_sun_moved(trial, float(away[0]), float(away[1]))
         # With an azimuth far off, the phase would only make the best of it.
         both = both or abs(step[3]) < NEAR_DEG
-    return SunReport()
+    return SunReport(), pose
 
 
 def _report(away: Array, covariance: Array, claimed: Pose, radius_px: float) -> SunReport:

@@ -15,11 +15,11 @@ from catalog.lists.adding import check_list
 from catalog.readers import read_frame
 from catalog.target import Target, find_target, further_targets, known_targets
 from flows.inputs import image_inputs
-from flows.profile import find_profile
-from flows.reprocessing.requests import request_of
-from flows.reprocessing.settings import Settings
+from flows.options import ReprocessOptions
 from flows.request import Request, target_inputs
+from flows.requests import request_of
 from tasks.ingest import pose_step
+from tasks.profile import find_profile
 from tasks.work import Work
 
 SECONDS_PER_YEAR = 365.25 * 86400.0
@@ -244,7 +244,7 @@ def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
     for name, value in (("a", 1.0), ("b", 2.0)):
         fits.writeto(tmp_path / f"{name}.fits", np.full((3, 3), value, np.float32))
     listed = load_image_list(tmp_path / "list.csv")
-    settings = Settings(images=str(tmp_path / "list.csv"), store=tmp_path / "out")
+    settings = ReprocessOptions(images=str(tmp_path / "list.csv"), store=str(tmp_path / "out"))
     asked = request_of(listed, listed.entries[0], settings, find_profile("joint"))
     assert asked.target == str(tmp_path / "v.toml")
     assert [fault for fault in check_list(tmp_path / "list.csv").faults if "gone.toml" in fault]

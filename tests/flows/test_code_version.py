@@ -75,7 +75,10 @@ SAME = {
         'def f(x):\n    fault = f"bad is {x}!"\n    raise RefusedError("c", fault, "Yes.")\n',
     ),
 }
+SAME |= {"a description": ('X = Field(1, description="one", ge=0)\n', 'X = Field(1, description="another", ge=0)\n')}
 OTHER = {
+    "a bound beside a description": ('X = Field(1, ge=0, description="a")\n', 'X = Field(1, ge=1, description="a")\n'),
+    "a description that is computed": ("X = f(description=a)\n", "X = f(description=b)\n"),
     "a number": ("X = 1\n", "X = 2\n"),
     "an operator": ("def f(a):\n    return a + 1\n", "def f(a):\n    return a - 1\n"),
     "the code of an error": ('raise RefusedError("a", "x y", "")\n', 'raise RefusedError("b", "x y", "")\n'),
@@ -157,7 +160,7 @@ def test_the_judgement_has_all_that_the_flow_of_an_image_imports_beside_the_step
     assert len(verdict_version()) == 16
     bodies = frozenset(step.module for step in STEPS) | {"tasks.registry"}
     reached = Sources(PROJECT_ROOT).reached_from("flows.image", bodies)
-    needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "flows.profile", "flows.settling"}
+    needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "tasks.profile", "flows.verdict"}
     assert needed <= reached
     assert not reached & bodies
 

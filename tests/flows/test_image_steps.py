@@ -11,13 +11,13 @@ from catalog.pose import POSE_KEYS, Pose
 from catalog.target import find_target
 from flows.chain import Chain
 from flows.image import Corrected, corrected_or_explained
-from flows.profile import Profile
 from flows.request import Request
 from flows.verdict import doubts
 from tasks.accept.rest import at_rest
 from tasks.accept.settings import StillSettings
 from tasks.correcting import CorrectionResult, Known
 from tasks.diagnose.step import Cause, DiagnoseResult
+from tasks.profile import Profile
 from tasks.record import Record
 from tasks.registry import ATTITUDE, DIAGNOSE, JOINT
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs

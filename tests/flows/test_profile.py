@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
+from catalog.settings import DEFAULT_PROFILE
 from flows.cli import build_app
-from flows.defaults import DEFAULT_PROFILE
-from flows.profile import Profile, find_profile, known_profiles, profile_of, read_profile
-from flows.profile_layers import differences, in_words, merged
 from flows.request import Request
+from tasks.profile import Profile, find_profile, known_profiles, profile_of, read_profile
+from tasks.profile.layers import differences, in_words, merged
 
 LINE = "[accept]\nmax_limb_rms_px = 6.0\n"
 

@@ -10,7 +10,6 @@ import pytest
 from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
-from flows.result import file_trouble
 from flows.verdict import reminded
 from tasks.accept.acceptance import (
     check_limb,
@@ -22,6 +21,7 @@ from tasks.accept.acceptance import (
 )
 from tasks.accept.settings import AcceptSettings
 from tasks.atomic import file_put_in_place, folder_put_in_place
+from tasks.boundary import file_trouble
 from tasks.validate.limb import LimbFigures, robust_rms
 from tasks.validate.step import OrientationReport
 

@@ -14,7 +14,6 @@ from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose, write_pose_file
 from flows.cli import build_app
-from flows.profile import find_profile
 from flows.request import Request
 from flows.result import EMPTY
 from lab.evaluate.archive import evaluate_archive
@@ -23,6 +22,7 @@ from lab.evaluate.table import evaluation_table
 from lab.simulate.archive import COLUMNS, MANIFEST, write_manifest
 from lab.simulate.europa57 import paper_images
 from tasks.point.rotation import pose_moved_by
+from tasks.profile import find_profile
 
 CAMERA = find_camera("voyager1-nac")
 TRUTH = paper_images()["C1635208"].pose

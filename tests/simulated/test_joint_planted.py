@@ -15,7 +15,8 @@ from tasks.joint.coarse_to_fine import estimated, prior_sigmas
 from tasks.joint.cramer_rao import cramer_rao
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
 from tasks.joint.problem import Problem
-from tasks.joint.settings import PriorSettings, SystematicSettings
+from tasks.joint.settings import SystematicSettings
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 
 DIAMETER_PX = 90.0

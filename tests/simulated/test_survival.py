@@ -11,12 +11,12 @@ from simulated_world import EUROPA, clean_image, observed, scene_of, small_camer
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
-from flows.profile import find_profile
 from lab.simulate.plant import planted, pose_error
 from tasks.accept.acceptance import check_limb, doubtful_likeness
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS
+from tasks.profile import find_profile
 from tasks.range import RangeSettings, find_range
 from tasks.roll import RollSettings, find_roll
 from tasks.simulate import Scene

@@ -18,9 +18,9 @@ from small_product import small_publication
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.rotation import rotation_from_vector_deg
-from flows.export import export_products
 from tasks.export.fits import write_backplanes
 from tasks.export.pixels import Selection, pixel_table
+from tasks.export.products import export_products
 from tasks.export.settings import FORMATS, ExportSettings
 from tasks.export.source import read_source
 from tasks.export.stac import target_class

@@ -1,0 +1,37 @@
+"""The pose that the corrections of an image are about: the metadata's, or one found in the image itself."""
+
+from catalog.pose import IN_IMAGE
+from flows import inputs
+from flows.chain import Chain, Done
+from flows.request import Request
+from tasks.correcting import Known
+from tasks.ingest.pose_step import PredictedPose
+from tasks.ingest.step import IngestResult
+from tasks.registry import IMAGE_POSE, POSE, UNDISTORT
+from tasks.scene_inputs import SceneInputs
+from tasks.undistort.step import UndistortResult
+
+
+def predicted_pose(chain: Chain, frame: IngestResult) -> tuple[PredictedPose, Done[UndistortResult]]:
+    """The predicted pose, and the undistorted image. Raises RefusedError when no source knows the pose."""
+    request = chain.request
+    if request.pose_is_in_image:
+        undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
+        found = chain.do(IMAGE_POSE, *inputs.of_image_pose(request, frame, undistorted, chain.kernels))
+        return found.result, undistorted
+    predicted = chain.do(POSE, *inputs.of_pose(request, frame, chain.kernels)).result
+    return predicted, chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
+
+
+def known_at_start(request: Request, scene: SceneInputs, predicted: PredictedPose) -> Known:
+    """What is known before the first correction. What was found in the image is looked for nowhere else."""
+    priors = predicted.priors or request.profile.joint.priors.of(predicted.sources)
+    return Known(
+        scene,
+        predicted.pose,
+        predicted.pose,
+        predicted.sources,
+        priors.attitude_deg,
+        search_frame=predicted.source != IN_IMAGE,
+        own_priors=predicted.priors,
+    )

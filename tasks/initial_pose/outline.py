@@ -1,0 +1,154 @@
+"""The target's outline in a frame: of the disks that may be it, the one whose limb and shading are those of a lit
+body before a dark sky."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import RefusedError
+from catalog.observation import Observation
+from catalog.target import Target
+from tasks.initial_pose.disk import Disk, find_disks, lit_outside
+from tasks.initial_pose.edges import Edges, edges_of, values_at
+from tasks.initial_pose.limb import Limb, limb_along
+from tasks.initial_pose.settings import LimbSearchSettings
+from tasks.initial_pose.sun import SunInDisk, sun_of_disk
+
+Array = NDArray[np.float64]
+
+CANDIDATES = 10
+# Limb and light are found in turn so often, where the terminator lies farther inside the limb than so many pixels;
+# what is no likeness at all is not looked at again.
+ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
+# Of another disk that is as good as this share of the best, the target may be either.
+RIVAL_SHARE = 0.5
+REMEDY = (
+    "--pose image needs the limb of one body before a dark sky, about a quarter of it and more, in the frame. "
+    "Give a pose file (--pose FILE), or kernels that know the geometry."
+)
+
+
+@dataclass(frozen=True)
+class Outline:
+    """limb, sun: of the disk. quality: of the disk among others. lit_share: how much of the lit limb within the frame
+    is seen as an edge. sky_share: brightness of the sky beside the disk, as a share of the disk's. outside: share of a
+    ring around it that is lit."""
+
+    limb: Limb
+    sun: SunInDisk
+    quality: float
+    lit_share: float
+    sky_share: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class Found:
+    """outline: of the target. rival: another disk in the frame that is nearly as good; None where there is none."""
+
+    outline: Outline
+    rival: Outline | None
+
+
+def find_outline(observation: Observation, target: Target, settings: LimbSearchSettings) -> Found:
+    """The outline of the target anywhere in the frame.
+
+    Raises RefusedError `no-limb` where no edge in the frame is the limb of a body, `limb-too-short` where what is seen
+    of it leaves its radius unknown.
+    """
+    edges = edges_of(observation, settings.edge_sigmas)
+    outlines = [each for disk in find_disks(edges, settings)[:CANDIDATES] if (each := outline_of(edges, disk, target))]
+    outlines.sort(key=lambda each: -each.quality)
+    borne_out = [each for each in outlines if is_borne_out(each, settings)]
+    if not borne_out:
+        short = next((each for each in outlines if is_lit_disk(each, settings)), None)
+        raise limb_missing(short, settings)
+    best = borne_out[0]
+    others = [each for each in borne_out[1:] if is_apart(each, best) and each.quality > RIVAL_SHARE * best.quality]
+    return Found(best, others[0] if others else None)
+
+
+def outline_of(edges: Edges, disk: Disk, target: Target) -> Outline | None:
+    """The outline near a disk; None where there is no limb, or too little of disk and sky."""
+    limb = limb_along(edges, disk, target)
+    sun = None if limb is None else sun_of_disk(edges, limb)
+    for _ in range(ROUNDS):
+        if limb is None or sun is None:
+            return None
+        if limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg))) < ROUND_PX or sun.likeness < LIKE_NONE:
+            break
+        limb = limb_along(edges, Disk(limb.centre_px, limb.mean_px, disk.score), target, sun.azimuth_deg)
+        sun = None if limb is None else sun_of_disk(edges, limb)
+    if limb is None or sun is None:
+        return None
+    outside = lit_outside(edges, limb.centre_px, limb.mean_px)
+    lit, sky = lit_share(edges, limb, sun), sky_share(edges, limb)
+    length = limb.mean_px * np.radians(limb.arc_deg)
+    quality = float(length * max(sun.likeness, 0.0) ** 4 * lit * max(1 - outside, 0.0))
+    return Outline(limb, sun, quality, lit, sky, outside)
+
+
+def is_lit_disk(outline: Outline, settings: LimbSearchSettings) -> bool:
+    """Whether an outline looks like a lit body before a dark sky, however little of its limb is seen."""
+    return (
+        outline.sun.likeness >= settings.likeness
+        and outline.lit_share >= settings.lit_share
+        and outline.sky_share <= settings.sky_share
+        and outline.outside <= settings.ring_share
+    )
+
+
+def is_borne_out(outline: Outline, settings: LimbSearchSettings) -> bool:
+    """Whether an outline is a lit body's before a dark sky, and its radius known."""
+    radius_sigma = float(np.sqrt(outline.limb.covariance[2, 2]))
+    enough = outline.limb.arc_deg >= settings.arc_deg and radius_sigma <= settings.radius_sigma
+    return enough and is_lit_disk(outline, settings)
+
+
+def is_apart(outline: Outline, other: Outline) -> bool:
+    """Whether two outlines are of bodies of which neither covers the other's middle."""
+    apart = float(np.hypot(*(outline.limb.centre_px - other.limb.centre_px)))
+    return apart > max(outline.limb.semi_px, other.limb.semi_px)
+
+
+def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
+    """How much of the limb's sunlit half within the frame, on pixels that have a value, was seen as an edge."""
+    bins = np.radians(np.arange(0.0, 360.0, 5.0) + 2.5)
+    lit = np.cos(bins - np.radians(sun.azimuth_deg)) > 0.2
+    x = limb.centre_px[0] + limb.mean_px * np.cos(bins)
+    y = limb.centre_px[1] + limb.mean_px * np.sin(bins)
+    ny, nx = edges.clean.shape
+    inside = (x >= 4) & (y >= 4) & (x <= nx - 5) & (y <= ny - 5)
+    inside &= values_at(edges.usable.astype(np.float32), x, y) > 0.99
+    away = limb.points_px - limb.centre_px
+    seen = np.zeros(len(bins), bool)
+    seen[(np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360 / 5).astype(int) % len(bins)] = True
+    wanted = lit & inside
+    return float((seen & wanted).sum() / wanted.sum()) if wanted.any() else 0.0
+
+
+def sky_share(edges: Edges, limb: Limb) -> float:
+    """Brightness outside the seen limb, above the frame's darkest parts, as a share of that inside."""
+    away = limb.points_px - limb.centre_px
+    away = away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
+    beside = max(4.0, 0.05 * limb.mean_px)
+    outside, inside = (
+        values_at(edges.clean, *(limb.points_px + side * beside * away).T) - edges.dark for side in (1, -1)
+    )
+    return float(np.median(outside) / max(float(np.median(inside)), 1e-12))
+
+
+def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> RefusedError:
+    """Why no outline is known. short: a lit disk of whose limb too little is seen."""
+    if short is None:
+        return RefusedError(
+            "no-limb", "no edge of brightness in the frame is the limb of a lit body before a dark sky.", REMEDY
+        )
+    sigma = float(np.sqrt(short.limb.covariance[2, 2]))
+    return RefusedError(
+        "limb-too-short",
+        f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
+        f"its radius would be known to {sigma:.0%} (needed: {settings.arc_deg:g} deg and {settings.radius_sigma:.0%}).",
+        REMEDY,
+    )
