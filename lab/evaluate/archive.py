@@ -99,9 +99,9 @@ def evaluate_image(job: Job) -> Row:
     """Correct one image (its cached steps are not done again) and compare with the truth. The row, plain JSON values:
 
     product, camera, profile, status, reason, code (the reason's first word). truth: what images.csv says was planted.
-    steps: for each step that ends with a pose, `pose` or `image_pose` being the predicted one, its `Assessment` and seconds. before,
-    after: of the predicted and of the published pose (None without one). uncertainty: as in the result; sigmas: errors
-    in its units, without what simulated images lack (see `not_simulated`). seconds: per step.
+    steps: for each step that ends with a pose, `pose` or `image_pose` being the predicted one, its `Assessment` and
+    seconds. before, after: of the predicted and of the published pose (None without one). uncertainty: as in the
+    result; sigmas: errors in its units, without what simulated images lack (see `not_simulated`). seconds: per step.
     """
     request = job.request
     result = one_result(request, Silent(), run_step=run)
