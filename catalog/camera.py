@@ -1,6 +1,8 @@
 """A camera is one TOML file: the pinhole geometry of its undistorted frame, raw detector, noise, PSF and kernels."""
 
 import math
+import re
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -10,10 +12,19 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from catalog.errors import RefusedError
+from catalog.focal_plane import FocalPlane
+from catalog.isd import content_from_isd
+from catalog.isis_tables import content_from_cube
+from catalog.kernel_camera import content_from_kernels
+from catalog.made_camera import is_made, made_content
+from catalog.optics import optics_of
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
+from catalog.reasons import Reason
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
+# An array that tomli-w spreads over lines, of numbers or of rows of numbers.
+NUMBERS_IN_ROWS = re.compile(r"\[\n(?:\s+(?:[-+.\deEinfa]+|\[[^\[\]\n\"]*\]),\n)+\s*\]")
 CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
 
 
@@ -58,8 +69,13 @@ class Camera(BaseModel):
     focal_length_sigma: float = Field(default=3e-4, ge=0, lt=0.1)
     focal_length_mm: float | None = Field(default=None, gt=0)
     pixel_pitch_mm: float | None = Field(default=None, gt=0)
+    # Of a camera whose focal length changes: its polynomial in degrees Celsius of the focal plane, mm; and what a
+    # filter changes of this file, by the filter's name in capitals with _ between the parts (CL1_GRN). See `Camera.at`.
+    focal_length_mm_by_temperature: tuple[float, ...] = ()
+    filters: dict[str, dict[str, Any]] = Field(default_factory=dict)
     raw_size_px: tuple[int, int] | None = None
     valid_window: tuple[int, int, int, int] | None = None  # x0, y0, width, height in the raw frame
+    focal_plane: FocalPlane | None = None  # None: an upright detector of square pixels with the boresight at centre_px
     distortion: Distortion = Distortion()
     psf_sigma_px: float = Field(default=0.7, ge=0)
     noise: Noise = Noise()
@@ -78,6 +94,10 @@ class Camera(BaseModel):
     label_names: tuple[str, ...] = ()
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs
     sources: tuple[str, ...] = ()
+    tried: str = ""  # how far the file was tried on images
+    # Of a camera whose pixels are summed: how many make one along each side, and the camera as it is without.
+    summing: int = Field(default=1, ge=1)
+    unsummed: "Camera | None" = None
 
     @model_validator(mode="before")
     @classmethod
@@ -105,6 +125,103 @@ class Camera(BaseModel):
         """Size (nx, ny) of the raw frame; the undistorted one's unless the camera says otherwise."""
         return self.raw_size_px or self.size_px
 
+    @classmethod
+    def from_kernels(
+        cls,
+        kernels: Iterable[Path | str],
+        instrument: str | int,
+        et: float | None = None,
+        *,
+        filter_name: str | None = None,
+        temperature_c: float | None = None,
+        size_px: tuple[int, int] | None = None,
+    ) -> "Camera":
+        """Camera of a NAIF instrument (name or id) from IK, FK and ISIS' instrument addenda among `kernels`.
+
+        et: TDB seconds past J2000, where the optics changed in flight. filter_name, temperature_c (of the focal plane):
+        choose the focal length at once; without them `at` does later. size_px: of the frame, where no kernel says it.
+        Raises RefusedError for an unknown instrument, missing keywords (naming them) and line scanners.
+        """
+        paths = [Path(kernel) for kernel in kernels]
+        content = content_from_kernels(paths, instrument, et, filter_name, temperature_c, size_px)
+        return camera_from_dict(content, f"of kernels, instrument {instrument}")
+
+    @classmethod
+    def from_isd(cls, path: Path | str) -> "Camera":
+        """Camera of an image support data file (ISD, JSON) of USGS' ALE for the Community Sensor Model.
+
+        Raises RefusedError when the file is no ISD of a frame camera.
+        """
+        return camera_from_dict(content_from_isd(Path(path)), f"of ISD {path}")
+
+    @classmethod
+    def from_cube(cls, path: Path | str) -> "Camera":
+        """Camera of an ISIS cube's NaifKeywords (after spiceinit). Raises RefusedError where it carries none."""
+        return camera_from_dict(content_from_cube(Path(path)), f"of cube {path}")
+
+    def at(self, filter_name: str | None = None, temperature_c: float | None = None) -> "Camera":
+        """The camera with the focal length of a filter, or of its focal plane's temperature (degrees Celsius); itself
+        where its file knows no difference."""
+        changes: dict[str, Any] = {}
+        if self.focal_length_mm_by_temperature and temperature_c is not None:
+            powers = enumerate(self.focal_length_mm_by_temperature)
+            changes["focal_length_mm"] = sum(value * temperature_c**power for power, value in powers)
+        if filter_name:
+            changes |= self.filters.get(re.sub(r"[^A-Z0-9]+", "_", filter_name.upper()).strip("_"), {})
+        if not changes:
+            return self
+        content = self.model_dump(exclude_unset=True, exclude={"focal_length_px"}) | changes
+        return camera_from_dict(content, f"{self.name}, filter {filter_name}, {temperature_c} degrees Celsius")
+
+    def to_toml(self) -> str:
+        """Content of a camera file (TOML) that `read_camera_file` reads to the same camera."""
+        from tomli_w import dumps
+
+        left_out = {"focal_length_px"} if self.focal_length_mm and self.pixel_pitch_mm else set()
+        text = dumps(self.model_dump(mode="json", exclude_unset=True, exclude_none=True, exclude=left_out))
+        return NUMBERS_IN_ROWS.sub(_in_one_line, NUMBERS_IN_ROWS.sub(_in_one_line, text))
+
+    def detector_ray(self, xy_px: ArrayLike) -> NDArray[np.float64]:
+        """Unit camera-frame vectors (..., 3) of raw detector pixels (..., 2), 0-based, distortion removed.
+
+        NaN where the distortion model has no answer. Raises RefusedError where the camera's distortion is measured on
+        the marks of each image.
+        """
+        whole, xy = self.unsummed or self, (np.asarray(xy_px, dtype=np.float64) + 0.5) * self.summing - 0.5
+        return whole.ray(optics_of(whole).undistort_points(xy))
+
+    def detector_pixel(self, direction: ArrayLike) -> NDArray[np.float64]:
+        """Raw detector pixels (..., 2), 0-based, of camera-frame vectors (..., 3): the inverse of `detector_ray`.
+
+        NaN behind the camera (Z <= 0) and where the distortion model has no answer.
+        """
+        whole = self.unsummed or self
+        return (optics_of(whole).distort_points(whole.project(direction)) + 0.5) / self.summing - 0.5
+
+    def summed(self, summing: int) -> "Camera":
+        """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
+
+        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays `unsummed`'s."""
+        if summing == 1:
+            return self
+
+        def smaller(size: tuple[int, int] | None) -> tuple[int, int] | None:
+            return None if size is None else (size[0] // summing, size[1] // summing)
+
+        x, y = ((place + 0.5) / summing - 0.5 for place in self.centre_px)
+        changes = {
+            "size_px": smaller(self.size_px),
+            "raw_size_px": smaller(self.raw_size_px),
+            "centre_px": (x, y),
+            "focal_length_px": self.focal_length_px / summing,
+            "pixel_pitch_mm": None if self.pixel_pitch_mm is None else self.pixel_pitch_mm * summing,
+            "psf_sigma_px": self.psf_sigma_px / summing,
+            "valid_window": None,
+            "summing": summing,
+            "unsummed": self,
+        }
+        return self.model_copy(update=changes)
+
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of camera-frame vectors (..., 3). A vector behind the camera (Z <= 0) gives NaN."""
         v = np.asarray(direction, dtype=np.float64)
@@ -119,6 +236,10 @@ class Camera(BaseModel):
         return v / np.linalg.norm(v, axis=-1, keepdims=True)
 
 
+def _in_one_line(found: re.Match[str]) -> str:
+    return re.sub(r"\s+", " ", found[0]).replace("[ ", "[").replace(", ]", "]")
+
+
 def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
     """Camera from a TOML file's content. Raises RefusedError naming `origin` and each bad field."""
     try:
@@ -126,7 +247,7 @@ def camera_from_dict(content: dict[str, Any], origin: str) -> Camera:
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'camera'}: {e['msg']}" for e in error.errors())
         raise RefusedError(
-            "camera-file-invalid",
+            Reason.CAMERA_FILE_INVALID,
             f"camera file {origin}: {faults}.",
             "It needs at least name, size_px, centre_px and focal_length_px (or focal_length_mm and pixel_pitch_mm).",
         ) from error
@@ -138,7 +259,7 @@ def read_camera_file(path: Path) -> Camera:
         content = read_toml_file(Path(path))
     except (OSError, ValueError) as error:
         raise RefusedError(
-            "camera-file-unreadable",
+            Reason.CAMERA_FILE_UNREADABLE,
             f"camera file {path} cannot be read: {error}.",
             f"Give a TOML file, or one of the catalog's names: {', '.join(path.stem for path in CAMERA_FILES)}.",
         ) from error
@@ -162,15 +283,18 @@ def _cameras_of(plugin: Plugin) -> list[tuple[str, Camera]]:
     return [(camera.name.lower(), camera) for camera in given]
 
 
-def find_camera(name_or_file: str) -> Camera:
-    """Camera by catalog name, or from a user's TOML file. Raises RefusedError listing the known names."""
+def find_camera(name_or_file: str, kernels: Iterable[Path] | None = None) -> Camera:
+    """Camera by catalog name, from a user's TOML file, or made from kernels or a file (`catalog.made_camera`; kernels:
+    None takes the default ones). Raises RefusedError listing the known names."""
+    if is_made(name_or_file):
+        return camera_from_dict(made_content(name_or_file, kernels), f"of {name_or_file}")
     if name_or_file.lower() in known_cameras():
         return known_cameras()[name_or_file.lower()]
     if name_or_file.endswith(".toml"):
         return read_camera_file(Path(name_or_file))
     refuse_unusable(CAMERAS, name_or_file)
     raise RefusedError(
-        "camera-unknown",
+        Reason.CAMERA_UNKNOWN,
         f"camera {name_or_file!r} is not in the catalog.",
-        f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml.",
+        f"Known are {', '.join(known_cameras())}; or give --camera FILE.toml, kernels:NAME, isd:FILE or isis:FILE.",
     )

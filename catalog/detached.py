@@ -1,14 +1,81 @@
-"""Where the detached label of an image is."""
+"""The file that belongs to an image: its detached label, or the image that a label describes."""
 
+import re
 from pathlib import Path
 
-from catalog.regular_file import is_regular
+from catalog.errors import RefusedError
+from catalog.reasons import Reason
+from catalog.regular_file import is_folder, is_regular, open_regular
+
+LABEL_SUFFIXES = (".LBL", ".lbl", ".Lbl", ".xml", ".XML")
+PACKED_SUFFIXES = (".gz", ".bz2")
+MAX_LABEL_BYTES = 2_000_000
+MAX_FILES = 20_000
+POINTERS = (
+    re.compile(rb"<file_name>\s*([^<>\s][^<>]*?)\s*</file_name>"),
+    re.compile(rb"(?m)^[ \t]*\^(?:IMAGE|QUBE|Core)\s*=\s*\(?\s*[\"']?([^\"'(),\s]+)"),
+)
+IS_LABEL = re.compile(rb"\s*(?:\xef\xbb\xbf)?(?:<\?xml|PDS_VERSION_ID|CCSD3ZF|Object\s*=\s*IsisCube)")
 
 
 def label_beside(path: Path) -> Path | None:
-    """The label that lies beside an image (same name, .LBL or .lbl); None when there is none."""
-    for suffix in (".LBL", ".lbl"):
-        beside = path.with_suffix(suffix)
-        if beside != path and is_regular(beside):
-            return beside
+    """The other file of an image: the label beside it (same name, .LBL, .lbl or .xml), or, where `path` is a label, the
+    file with the pixels that it names; None when there is none."""
+    described = _described(path)
+    if described is not None:
+        return described
+    names = [path, *([path.with_suffix("")] if path.suffix.lower() in PACKED_SUFFIXES else [])]
+    for name in names:
+        for suffix in LABEL_SUFFIXES:
+            beside = name.with_suffix(suffix)
+            if beside != path and is_regular(beside):
+                return beside
+    return None
+
+
+def data_beside(label: Path, name: str) -> Path:
+    """The file of that name in the label's folder, upper and lower case being one where no other has the very name.
+
+    Raises RefusedError when there is none; a name with a folder in it is never followed."""
+    found = _in_folder(label, name)
+    if found is None:
+        raise RefusedError(
+            Reason.IMAGE_MISSING,
+            f"image {label}: the file {name} that its label names is not beside it.",
+            "Put label and image into one folder, under the name that the label gives.",
+        )
+    return found
+
+
+def _in_folder(label: Path, name: str) -> Path | None:
+    if not name or name.isdecimal() or name in (".", "..") or any(mark in name for mark in "/\\:\0"):
+        return None
+    exact = label.parent / name
+    if is_regular(exact):
+        return exact
+    if not is_folder(label.parent):
+        return None
+    for number, path in enumerate(label.parent.iterdir()):
+        if number >= MAX_FILES:
+            return None
+        if path.name.lower() == name.lower() and is_regular(path):
+            return path
+    return None
+
+
+def _described(path: Path) -> Path | None:
+    """The file that a label names for its image; None where `path` is no label, or holds the image itself."""
+    try:
+        with open_regular(path) as file:
+            head = file.read(200)
+            if not IS_LABEL.match(head):
+                return None
+            text = head + file.read(MAX_LABEL_BYTES)
+    except OSError:
+        return None
+    for pointer in POINTERS:
+        match = pointer.search(text)
+        if match is not None:
+            found = _in_folder(path, match.group(1).decode("latin-1"))
+            return found if found != path else None
     return None

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import ChangedError, check_regular, open_regular
 
 Signature = tuple[int, int, int, int]
@@ -26,7 +27,9 @@ def sha256_of_file(path: Path, max_bytes: int | None = None) -> str:
 
 def input_changed(what: str) -> RefusedError:
     """The refusal of a file that something wrote on, or exchanged, while it was worked with; it can pass."""
-    error = RefusedError("input-changed", f"{what} changed while it was read.", "Run it again when the file is whole.")
+    error = RefusedError(
+        Reason.INPUT_CHANGED, f"{what} changed while it was read.", "Run it again when the file is whole."
+    )
     error.__cause__ = ChangedError(Path(what))
     return error
 

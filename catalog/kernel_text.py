@@ -13,6 +13,7 @@ from pathlib import Path
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular, read_regular
 
 MAX_LINE = 132  # characters of a line that SPICE reads
@@ -127,7 +128,7 @@ def _text(path: Path) -> str:
 
 
 def _fault(path: Path, fault: str, remedy: str = REMEDY) -> RefusedError:
-    return RefusedError("kernel-unreadable", f"kernel {path} {fault}.", remedy)
+    return RefusedError(Reason.KERNEL_UNREADABLE, f"kernel {path} {fault}.", remedy)
 
 
 def _is_control(line: str) -> bool:
@@ -189,7 +190,7 @@ def _member(path: Path, text: str, symbols: dict[str, str]) -> Path:
     if found is None:
         why = f"{whole} is not there" if "$" not in whole else f"{whole} has a symbol that {SYMBOLS} does not give"
         raise RefusedError(
-            "kernel-unreadable",
+            Reason.KERNEL_UNREADABLE,
             f"meta-kernel {path} names {text!r}: {why}.",
             "Correct its path: absolute, or relative to the working folder or to the meta-kernel.",
         )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import PartialPose
+from catalog.reasons import Reason
 from catalog.target import Target
 
 LIGHT_SPEED_KM_S = 299_792.458
@@ -70,15 +71,15 @@ def _checked(geometry: Mapping[str, float], target: Target) -> dict[str, float]:
     remedy = "Give --pose FILE, or kernels that cover the image."
     missing = [key for key in NEEDED if key not in geometry or not math.isfinite(geometry[key])]
     if missing:
-        raise RefusedError("label-geometry-incomplete", f"the label lacks {', '.join(missing)}.", remedy)
+        raise RefusedError(Reason.LABEL_GEOMETRY_INCOMPLETE, f"the label lacks {', '.join(missing)}.", remedy)
     values = {key: float(geometry[key]) for key in NEEDED}
     distance, latitudes = values["distance_km"], (values["sub_spacecraft_lat_deg"], values["sub_solar_lat_deg"])
     if distance <= min(target.radii_km) or values["solar_distance_km"] <= 0 or max(map(abs, latitudes)) > 90:
         fault = f"the label's geometry is impossible: distance {distance} km, latitudes {latitudes}."
-        raise RefusedError("label-geometry-impossible", fault, remedy)
+        raise RefusedError(Reason.LABEL_GEOMETRY_IMPOSSIBLE, fault, remedy)
     if abs(values["sub_spacecraft_lat_deg"]) > 89.99:
         fault = "the spacecraft stands over a pole, where a north azimuth means nothing."
-        raise RefusedError("label-geometry-polar", fault, remedy)
+        raise RefusedError(Reason.LABEL_GEOMETRY_POLAR, fault, remedy)
     return values
 
 

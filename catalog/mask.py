@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.observation import Observation, Quality
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 MAX_MASK_PIXELS = 400_000_000
@@ -39,10 +40,10 @@ def read_mask(path: Path) -> NDArray[np.bool_]:
         with open_regular(path, MAX_MASK_BYTES) as file:
             values = _values(file)
     except DAMAGE as error:
-        raise RefusedError("mask-unreadable", f"mask {path} cannot be read ({error}).", KINDS) from error
+        raise RefusedError(Reason.MASK_UNREADABLE, f"mask {path} cannot be read ({error}).", KINDS) from error
     if values is None or values.ndim != 2 or values.dtype.kind not in "biuf":
         found = "no picture" if values is None else f"values of type {values.dtype} and shape {values.shape}"
-        raise RefusedError("mask-unreadable", f"mask {path} holds {found}.", KINDS)
+        raise RefusedError(Reason.MASK_UNREADABLE, f"mask {path} holds {found}.", KINDS)
     return np.asarray(values != 0)
 
 
@@ -53,9 +54,9 @@ def masked(observation: Observation, mask: NDArray[np.bool_], path: Path) -> Obs
     """
     if mask.shape != observation.image.shape:
         (rows, columns), (ny, nx) = mask.shape, observation.image.shape
-        raise RefusedError("mask-size", f"mask {path} has {columns}x{rows} pixels, the image {nx}x{ny}.", KINDS)
+        raise RefusedError(Reason.MASK_SIZE, f"mask {path} has {columns}x{rows} pixels, the image {nx}x{ny}.", KINDS)
     if mask.all():
-        raise RefusedError("mask-covers-all", f"mask {path} covers the whole image.", KINDS)
+        raise RefusedError(Reason.MASK_COVERS_ALL, f"mask {path} covers the whole image.", KINDS)
     quality = observation.quality | np.where(mask, np.uint16(Quality.MASKED_BY_USER), np.uint16(0))
     return dataclasses.replace(observation, quality=quality.astype(np.uint16))
 

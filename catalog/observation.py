@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.image_mode import FULL_FRAME, ImageMode
 from catalog.pose import PartialPose
 
 
@@ -58,8 +59,9 @@ class Frame:
     label_pose: the parts of the pose that the label knows outright (LORRI). label_geometry: the scalars from which a
     pose can be built (Galileo), see `catalog.label_geometry`. undistorted: the frame is already in the camera's
     undistorted geometry (GEOMED). label: the flat label, for provenance. overruled: what the label says otherwise than
-    the user, who is believed. warnings: what else the user ought to know of the file, a sentence each. unclear: why
-    `time` or `target` are None although the label speaks of them.
+    the user, whose word counts. warnings: what else the user ought to know of the file, a sentence each. unclear: why
+    `time` or `target` are None although the label speaks of them. mode: summing and window; the observation is the
+    whole frame in it. sources: where each known value came from: keywords, options.
     """
 
     product: str
@@ -79,6 +81,8 @@ class Frame:
     overruled: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     unclear: dict[str, str] = field(default_factory=dict)
+    mode: ImageMode = FULL_FRAME
+    sources: dict[str, str] = field(default_factory=dict)
 
     def replaced(self, **changes: Any) -> "Frame":
         """Copy with some fields replaced."""

@@ -1,17 +1,21 @@
 """Any body of a loaded PCK as a Target: radii and rotation constants out of SPICE's kernel pool."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 
+from catalog.body import RotationModel, Target
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.spice import kernel_pool
-from catalog.target import RotationModel, Target
 
 
-def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
+def target_from_pck(
+    name_or_id: str, kernels: Iterable[Path], other_names: Sequence[str] = (), catalog: Sequence[str] = ()
+) -> Target:
     """Target of a NAIF name or id from the PCKs among `kernels`: radii BODYnnn_RADII, frame IAU_NAME, rotation.
 
+    other_names, catalog: what else a name may have meant, and bodies that are no news, for the remedy.
     Raises RefusedError when SPICE does not know the name or no PCK gives its radii; it lists the bodies that have them.
     """
     import spiceypy
@@ -23,9 +27,9 @@ def target_from_pck(name_or_id: str, kernels: Iterable[Path]) -> Target:
             naif_id = None
         if naif_id is None or not spiceypy.bodfnd(naif_id, "RADII"):
             raise RefusedError(
-                "target-unknown",
+                Reason.TARGET_UNKNOWN,
                 f"target {name_or_id!r} is neither in the catalog nor in a loaded PCK.",
-                _remedy(name_or_id, _bodies_with_radii()),
+                _remedy(name_or_id, _bodies_with_radii(), other_names, catalog),
             )
         return _target(naif_id)
 
@@ -85,12 +89,10 @@ def _bodies_with_radii() -> list[str]:
     return [spiceypy.bodc2s(naif_id).lower() for naif_id in ids]
 
 
-def _remedy(name: str, in_pck: list[str]) -> str:
-    from catalog.target import known_targets, target_names
-
-    catalog = known_targets()
-    near = get_close_matches(name.lower(), {*target_names(), *in_pck}, n=3)
+def _remedy(name: str, in_pck: list[str], other_names: Sequence[str], catalog: Sequence[str]) -> str:
+    near = get_close_matches(name.lower(), {*other_names, *in_pck}, n=3)
     meant = f"Did you mean {' or '.join(near)}? " if near else ""
-    others = [body for body in in_pck if body not in catalog]
+    others = [body for body in in_pck if body not in other_names]
     loaded = f"the loaded PCK has {len(others)} more bodies" if in_pck else "no PCK is loaded (--kernels)"
-    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}; {loaded}."
+    more = ", and moons and small bodies without a map (`planetpose targets`)" if catalog else ""
+    return f"{meant}Give the body in the picture (--target). The catalog has {', '.join(catalog)}{more}; {loaded}."

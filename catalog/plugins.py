@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any, TypeVar
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.reasons import Reason
 
 READERS = "planetpose.readers"
 CAMERAS = "planetpose.cameras"
@@ -71,7 +72,7 @@ class Plugin:
         """The refusal that names the plugin. doing: what it does wrong."""
         name = self.entry.dist.name if self.entry.dist is not None else self.entry.module
         remedy = f"Install {name} again with what it needs, tell its authors, or do without: pip uninstall {name}."
-        return RefusedError("plugin-unusable", f"the plugin {self} {doing}.", remedy)
+        return RefusedError(Reason.PLUGIN_UNUSABLE, f"the plugin {self} {doing}.", remedy)
 
 
 @cache

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_json_file
+from catalog.reasons import Reason
 from catalog.rotation import checked_rotation
 from catalog.times import et_from_utc, utc_from_et
 
@@ -199,9 +200,11 @@ def read_pose_file(path: Path) -> PartialPose:
         _check_times_agree(content)
         return partial
     except OSError as error:
-        raise RefusedError("pose-file-unreadable", f"pose file {path} cannot be read ({error}).", remedy) from error
+        raise RefusedError(
+            Reason.POSE_FILE_UNREADABLE, f"pose file {path} cannot be read ({error}).", remedy
+        ) from error
     except ValueError as error:
-        raise RefusedError("pose-file-invalid", f"pose file {path}: {error}.", remedy) from error
+        raise RefusedError(Reason.POSE_FILE_INVALID, f"pose file {path}: {error}.", remedy) from error
 
 
 def _check_times_agree(content: dict[str, Any]) -> None:

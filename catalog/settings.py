@@ -4,7 +4,9 @@ import os
 from pathlib import Path
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 
+DEFAULT_PROFILE = "joint"  # what is taken where nobody chooses
 PROJECT_ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -86,7 +88,7 @@ def _own_folder(xdg: str, below_home: str, variable: str) -> Path:
         return Path.home() / below_home
     except RuntimeError as error:
         raise RefusedError(
-            "home-unknown",
+            Reason.HOME_UNKNOWN,
             "HOME is not set and this user has no home folder: there is no place for what planetpose keeps.",
             f"Set HOME, or {variable} and the like (PLANETPOSE_CACHE, PLANETPOSE_STATE), to folders of your own.",
         ) from error

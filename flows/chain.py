@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any, Generic
 
 from catalog.errors import PlanetposeError
-from flows.request import KernelLists, Request
+from catalog.spice import KernelLists
+from flows.request import Request
 from tasks.record import Record
 from tasks.step import AnyStep, F, I, R, Step, StepType
 
@@ -60,16 +61,16 @@ class Tried:
 class Chain:
     """Steps of one image, in the order of doing.
 
-    run: does a step, or answers from the cache. only_asks: nothing is to be written, in the store or elsewhere.
+    run: does a step, or answers from the cache. read_only: nothing is to be written, in the store or elsewhere.
     kernels: as they are offered. done: by the steps' names (`point-2`). tried: all of them, also those that failed or
     were done again otherwise. cached: names of those that were there already.
     """
 
     def __init__(
-        self, request: Request, run: RunStep, only_asks: bool = False, kernels: KernelLists | None = None
+        self, request: Request, run: RunStep, read_only: bool = False, kernels: KernelLists | None = None
     ) -> None:
         self.request = request
-        self.only_asks = only_asks
+        self.read_only = read_only
         self.kernels = kernels or KernelLists()
         self.done: dict[str, Done[Any]] = {}
         self.tried: list[Tried] = []
@@ -90,7 +91,7 @@ class Chain:
         name = kind.name if number is None else f"{kind.name}-{number}"
         request = self.request
         step = Step(kind, name, request.product, request.cache, inputs, files, destination, watched)
-        was_there = not self.only_asks and step.record() is not None
+        was_there = not self.read_only and step.record() is not None
         record = self._result_of(step)
         if was_there:
             self.cached.append(name)

@@ -1,20 +1,22 @@
 """The Prefect flow: correct images, each through the chain of cached tasks; one bad image never stops the others."""
 
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from contextvars import ContextVar, copy_context
-from dataclasses import dataclass
+from contextvars import copy_context
 from threading import Event
 
 from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
-from flows.indexing import note_in_index
-from flows.one_image import Result, one_result
-from flows.plan import twins
-from flows.progress import Reporter, Silent
+from flows.flow import flow_of
+from flows.one_image import Result, one_result, twins
+from flows.options import CorrectOptions
+from flows.places import note_in_index
+from flows.progress import audience
 from flows.request import Request
+from flows.requests import requests_of_files
 from flows.result import tally
 from flows.verdict import PUBLISHED
 from tasks.prefect_task import run_as_task
@@ -26,35 +28,24 @@ class ImagesNotOkError(Exception):
     """Some images failed or were refused; the others are published."""
 
 
-@dataclass(frozen=True)
-class Audience:
-    """Who in this process hears of progress and results; not a parameter of the flow, for it cannot travel."""
-
-    reporter: Reporter
-    on_result: Callable[[Result], None]
-
-
-_nobody = Audience(Silent(), lambda _: None)
-_audience: ContextVar[Audience | None] = ContextVar("audience", default=None)
+@flow_of(CorrectOptions)
+def correct(options: CorrectOptions) -> State[list[Result]]:
+    """Correct every image, some at a time; the flow fails, after all are done, when one is not ok. Raises RefusedError
+    when the options are no good."""
+    requests = requests_of_files(options)
+    return correct_all(requests, options.workers or min(len(requests), os.cpu_count() or 1))
 
 
-@contextmanager
-def audience(reporter: Reporter, on_result: Callable[[Result], None]) -> Iterator[None]:
-    """Within the `with` block, flows of this process report to these two; results come in the order of the requests."""
-    token = _audience.set(Audience(reporter, on_result))
-    try:
-        yield
-    finally:
-        _audience.reset(token)
+@flow(name="correct-requests", persist_result=False)
+def correct_requests(requests: list[Request], workers: int = 1) -> State[list[Result]]:
+    """The same with requests of which each has options of its own."""
+    return correct_all(requests, workers)
 
 
-@flow(name="correct", persist_result=False)
-def correct(requests: list[Request], workers: int = 1) -> State[list[Result]]:
-    """Correct every request, `workers` images at a time; the flow fails, after all are done, when one is not ok.
-
-    Images run in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's lock.
-    """
-    listener, run_logger = _audience.get() or _nobody, get_run_logger()
+def correct_all(requests: list[Request], workers: int) -> State[list[Result]]:
+    """Correct images in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's
+    lock. Results are reported in the order of the requests."""
+    listener, run_logger = audience(), get_run_logger()
     refused, stop = twins(requests), Event()
     results: list[Result] = []
     with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool, stopping(pool, stop):

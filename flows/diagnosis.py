@@ -1,4 +1,4 @@
-"""What a failed image is told: the cause that explains it, and a folder with what was tried.
+"""The cause that explains a failure, and a folder with what was tried.
 
 The folder is STORE/.failed/PRODUCT: hidden, as what belongs to no product is, and passed over by who reads the store.
 It goes when the product is published.
@@ -15,15 +15,15 @@ from flows.request import Request
 from flows.verdict import CONSEQUENCES, code_of, doubts
 from tasks.atomic import folder_put_in_place
 from tasks.correcting import Known
+from tasks.diagnose.diagnosis import MAP
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
-from tasks.diagnose.telling import MAP
 from tasks.record import RECORD_FILE, read_record
 from tasks.registry import CORRECTIONS, DIAGNOSE, START, VALIDATE
 from tasks.scene_inputs import UNIFORM, SceneFiles
 
 logger = logging.getLogger("planetpose")
 FAILED = ".failed"
-# Failures that a wrong pose, camera, target or map can have; others tell their cause themselves.
+# Failures that a wrong pose, camera, target or map can have; others name their cause themselves.
 EXAMINED = (
     "target-not-found",
     "did-not-converge",
@@ -42,14 +42,14 @@ def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFil
     corrections began."""
     if error.code == "interrupted":
         return error
-    asked = diagnose_inputs(chain, known, error.reason, error.code in EXAMINED)
-    found = chain.do(DIAGNOSE, asked, files).result.diagnosis
+    inputs = diagnose_inputs(chain, known, error.reason, error.code in EXAMINED)
+    found = chain.do(DIAGNOSE, inputs, files).result.diagnosis
     return FailedError(found.code, found.fault, found.remedy) if found else error
 
 
 def explain_doubts(chain: Chain, known: Known, files: SceneFiles) -> None:
     """Where all that speaks against a corrected pose may be the consequence of something else, look for that cause:
-    `doubts` then tells it first. A search that fails leaves the doubts as they are. Raises FailedError when the command
+    `doubts` then names it first. A search that fails leaves the doubts as they are. Raises FailedError when the command
     is interrupted."""
     found = doubts(chain)
     if not found or not all(code_of(doubt) in CONSEQUENCES for doubt in found):

@@ -13,9 +13,8 @@ from flows.guidance import is_started_elsewhere
 from flows.prediction import known_at_start, predicted_pose
 from flows.request import refuse_what_is_no_text
 from flows.result import result_of, verdict
-from flows.settling import settled
-from flows.verdict import doubts, reminded
-from tasks.accept.judgement import believe, explained, refuse_doubtful_behind
+from flows.verdict import doubts, reminded, settled
+from tasks.accept.acceptance import check_limb, explained, refuse_doubtful_behind
 from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
@@ -56,7 +55,7 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, corrected)
-    if not chain.only_asks:
+    if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
     if request.publish_to:
@@ -116,14 +115,14 @@ def correct(chain: Chain, name: str, number: int, before: Corrected) -> Correcte
 
 
 def validate(chain: Chain, corrected: Corrected) -> None:
-    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the pose is not
-    believed."""
+    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the limb does not
+    agree with the pose."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
-    believe(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
+    check_limb(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:
     """Project every pixel and write the product into the store."""
-    told = verdict(None, doubts(chain))
-    shown, files, watched = inputs.of_publish(chain, frame, corrected.known, corrected.files, told, result_of(chain))
+    so_far = verdict(None, doubts(chain)), result_of(chain)
+    shown, files, watched = inputs.of_publish(chain, frame, corrected.known, corrected.files, *so_far)
     return chain.do(PUBLISH, shown, files, watched, destination=chain.request.product_folder)

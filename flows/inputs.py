@@ -1,26 +1,26 @@
-"""What each step of an image is given, from what the user asked for and what the steps before it found."""
+"""What each step of an image is given, from the user's request and what the steps before it found."""
 
 from pathlib import Path
 
 from catalog.camera import Camera
 from catalog.detached import label_beside
 from catalog.digest import sha256_of_json
+from catalog.input_file import digest_of
+from catalog.names_digest import target_names_digest
 from catalog.pose import Pose
 from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
+from catalog.resumed import pose_to_resume
+from catalog.spice import KernelLists, kernel_inputs
 from catalog.target import Target, find_target, known_target
 from flows.chain import Chain, Done
-from flows.guidance import guidance_of, pose_to_resume
+from flows.guidance import guidance_of
 from flows.request import (
-    KernelLists,
     Request,
     basemap_inputs,
     camera_inputs,
-    digest_of,
-    kernel_inputs,
     projected_target,
     target_inputs,
-    target_names_digest,
 )
 from flows.result import profile_origin
 from tasks.code_version import code_version
@@ -55,6 +55,9 @@ def image_inputs(request: Request, sha256: str | None = None) -> ImageInputs:
         target=target_inputs(request),
         flip=request.flip,
         reader=plugin_reader_of(request.image),
+        plane=request.plane,
+        summing=request.summing,
+        window=request.window,
     )
 
 
@@ -73,12 +76,12 @@ def of_ingest(request: Request) -> tuple[IngestInputs, ImageFiles, Watched]:
         target_names=target_names_digest(),
         product=request.product,
     )
-    return inputs, ImageFiles(request.image, request.camera), watched_image(request, image)
+    return inputs, ImageFiles(request.image, request.camera_name), watched_image(request, image)
 
 
 def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[PoseInputs, PoseFiles, Watched]:
     """For the step `pose`."""
-    image, pose_file = image_inputs(request, frame.sha256), request.pose_file
+    image, pose_file = image_inputs(request, frame.sha256), request.pose_path
     kernels = lists.of(request.kernel_paths)
     inputs = PoseInputs(
         image=image,
@@ -88,7 +91,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
     )
-    files = PoseFiles(request.image, request.camera, pose_file, tuple(request.kernel_paths))
+    files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))
     watched = (*watched_image(request, image), *((kernel.path, kernel.sha256) for kernel in kernels))
     if pose_file and inputs.pose_file:
         watched += ((pose_file, inputs.pose_file),)
@@ -107,7 +110,7 @@ def of_undistort(request: Request, frame: IngestResult) -> tuple[UndistortInputs
         mask=digest_of(mask, "mask") if mask else None,
     )
     watched = watched_image(request, image) + (((mask, inputs.mask),) if mask and inputs.mask else ())
-    return inputs, UndistortFiles(request.image, request.camera, mask), watched
+    return inputs, UndistortFiles(request.image, request.camera_name, mask), watched
 
 
 def reseau_digests(camera: Camera, settings: UndistortSettings) -> dict[str, str]:
@@ -163,7 +166,7 @@ def of_start(request: Request, scene: SceneInputs, predicted: Pose) -> tuple[Sta
         camera=scene.camera,
         predicted=predicted,
         start_offset_px=request.start_offset_px,
-        resume=pose_to_resume(request),
+        resume=pose_to_resume(request.resume, request.product),
     )
     return inputs, NoFiles()
 
@@ -193,7 +196,7 @@ def of_publish(
         predicted=known.predicted,
         steps={name: done.key for name, done in chain.done.items() if name not in METADATA},
         verdict=verdict,
-        judgement=judgement_version(),
+        verdict_code=verdict_version(),
         profile=request.profile.resolved(),
         profile_origin=profile_origin(request.profile),
         guidance=guidance_of(request) | {"overruled": list(frame.overruled)},
@@ -215,6 +218,6 @@ def of_upload(request: Request, url: str, product: Done[PublishResult]) -> tuple
     return UploadInputs(url=url, product=request.product, publish=product.key), UploadFiles(product.folder)
 
 
-def judgement_version() -> str:
+def verdict_version() -> str:
     """Version of the code that puts the steps in order and judges them; the steps have their own."""
     return code_version("flows.image", frozenset(step.module for step in STEPS) | {"tasks.registry"})

@@ -1,19 +1,23 @@
-"""Where products go: a folder, or an object store with a local store before it."""
+"""Where products go: a folder, or an object store with a local store before it; and the index of each."""
 
 import hashlib
+import logging
 import os
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
 from catalog.regular_file import is_folder
 from catalog.settings import cache_folder, state_folder
+from flows.verdict import PUBLISHED
 from tasks.objectstore.location import is_url, open_object_store
 
 if TYPE_CHECKING:
     import pandas as pd
+
+logger = logging.getLogger("planetpose")
 
 
 @dataclass(frozen=True)
@@ -73,3 +77,19 @@ def index_object_store(url: str) -> "pd.DataFrame":
     from tasks.objectstore.reading import publish_index
 
     return publish_index(open_object_store(url), index_mirror_of(url))
+
+
+def note_in_index(store: Path, result: dict[str, Any]) -> None:
+    """Bring the index of `store` up to date when `result` is of an image that was published just now."""
+    if result["status"] in PUBLISHED and "publish" not in result["cached"]:
+        index_store(store)
+
+
+def index_store(store: Path) -> None:
+    """Bring the index of `store` up to date."""
+    from tasks.publish.index import open_index
+
+    try:
+        open_index(store)
+    except OSError as error:  # the products are there all the same, and the next reader brings it up to date
+        logger.warning("the index of %s was not written: %s", store, error)

@@ -1,21 +1,23 @@
 """Prefect's settings for the command line: the user's own Prefect stays as it is, and stdout stays ours."""
 
 import os
+import secrets
 import sys
 import urllib.error
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
-from flows.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
+from catalog.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
 from flows.reachable import check_reachable, said_when_it_takes_long
 from flows.server import HEALTH_TIMEOUT_S, ensure_server, server_files
+from flows.server_serve import AUTHENTICATION, CLIENT_AUTHENTICATION
 
 QUIET = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "DO_NOT_TRACK": "1",
     "PREFECT_LOGGING_EXTRA_LOGGERS": "planetpose",
     "PREFECT_LOGGING_TO_API_WHEN_MISSING_FLOW": "ignore",
-    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # reasons are told once, in the result
+    "PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL": "CRITICAL",  # reasons are given once, in the result
     "PREFECT_INTERNAL_LOGGING_LEVEL": "CRITICAL",
     "PREFECT_CLIENT_MAX_RETRIES": "3",
     "PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS": "180",
@@ -44,18 +46,22 @@ def prepare(choice: str) -> None:
         )  # Prefect makes no parents, and an embedded server then takes 25 s more
     if choice == EMBEDDED:
         os.environ.pop("PREFECT_API_URL", None)
-    elif choice == LOCAL:
-        os.environ["PREFECT_API_URL"] = ensure_server()
-    else:
-        os.environ["PREFECT_API_URL"] = choice
+        credentials = f"planetpose:{secrets.token_urlsafe(24)}"  # other users of this machine reach it too
+        os.environ |= {AUTHENTICATION: credentials, CLIENT_AUTHENTICATION: credentials}
+        return
+    os.environ["PREFECT_API_URL"] = ensure_server() if choice == LOCAL else choice
+    local = server_files().read()
+    if local and local.url == os.environ["PREFECT_API_URL"]:
+        os.environ[CLIENT_AUTHENTICATION] = local.credentials
+    if choice != LOCAL:
         with said_when_it_takes_long(f"waiting for the Prefect server at {choice}"):
             check_reachable(choice, aside)
 
 
 @contextmanager
 def server_at_hand(choice: str) -> Iterator[None]:
-    """The server that `prepare` has chosen is up within the `with` block; an embedded one is started, and the user told
-    when that takes long."""
+    """The server that `prepare` has chosen is up within the `with` block; an embedded one is started, and the user is
+    informed when that takes long."""
     from prefect.client.orchestration import get_client
 
     if choice != EMBEDDED:

@@ -1,19 +1,31 @@
-"""What the user sees on stderr while images are corrected: a live display on a terminal, plain lines elsewhere."""
+"""What the user sees on stderr while images are corrected: a live display on a terminal, plain lines elsewhere, or JSON
+lines for a machine."""
 
+import json
+import logging
 import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Protocol, TextIO
+from contextvars import ContextVar
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, TextIO
+
+from catalog.times import now_utc
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
 
+STEPS_LOGGER = "planetpose-steps"  # a tree of its own: Prefect would keep a row for every step
+STEPS = 12  # of an image, about: the length of its bar
+FIGURES = ("product", "step", "seconds", "peak_mb", "cached")  # of log records, beside their text
+logger = logging.getLogger("planetpose")
+
 
 class Reporter(Protocol):
-    """Told what happens; called from several threads."""
+    """Hears what happens; called from several threads."""
 
     def message(self, product: str, step: str, iteration: int, text: str) -> None:
         """An iteration inside a step (0: the step begins)."""
@@ -23,7 +35,7 @@ class Reporter(Protocol):
 
 
 class Silent:
-    """Tells nobody."""
+    """Shows nothing."""
 
     def message(self, product: str, step: str, iteration: int, text: str) -> None:
         """Nothing."""
@@ -109,9 +121,91 @@ class Live:
             self._progress.console.print(line)
 
 
+class JsonLines:
+    """One JSON object per event: time, level, event, product, and what belongs to it. Steps' iterations are left out;
+    their beginnings are not."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._lock = threading.Lock()
+
+    def message(self, product: str, step: str, iteration: int, text: str) -> None:
+        """A step begins."""
+        if iteration == 0 and not text:
+            self.write("info", "step", product=product, step=step)
+
+    def finished(self, product: str, status: str, reason: str | None) -> None:
+        """An image has ended."""
+        level = "info" if status in ("ok", "doubtful") else "warning"
+        self.write(level, "finished", product=product, status=status, reason=reason)
+
+    def write(self, level: str, event: str, **content: Any) -> None:
+        """One line."""
+        line = json.dumps({"time": now_utc(), "level": level, "event": event, **content}, default=str)
+        with self._lock:
+            print(line, file=self._stream, flush=True)
+
+
+class JsonHandler(logging.Handler):
+    """Log records as JSON lines, with the product that they are about."""
+
+    def __init__(self, lines: JsonLines) -> None:
+        super().__init__()
+        self._lines = lines
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write one record; figures that belong to it become fields of their own."""
+        known = {name: getattr(record, name) for name in FIGURES if hasattr(record, name)}
+        event = "step-done" if "step" in known else "log"
+        self._lines.write(record.levelname.lower(), event, **known, text=self.format(record))
+
+
 @contextmanager
-def reporter(total: int, steps: int, quiet: bool = False) -> Iterator[Reporter]:
-    """The reporter that suits stderr: live on a terminal, lines elsewhere, silent when asked."""
+def json_reporter() -> Iterator[JsonLines]:
+    """JSON lines on stderr for progress and log."""
+    lines = JsonLines()
+    handler, steps = JsonHandler(lines), logging.getLogger(STEPS_LOGGER)
+    steps.setLevel(logging.INFO)
+    steps.propagate = False
+    for each in (logger, steps):
+        each.addHandler(handler)
+    try:
+        yield lines
+    finally:
+        for each in (logger, steps):
+            each.removeHandler(handler)
+
+
+@dataclass(frozen=True)
+class Audience:
+    """Who in this process hears of progress, and of results; no parameter of a flow, for it cannot travel."""
+
+    reporter: Reporter
+    on_result: Callable[[dict[str, Any]], None]
+
+
+_nobody = Audience(Silent(), lambda _: None)
+_audience: ContextVar[Audience | None] = ContextVar("audience", default=None)
+
+
+@contextmanager
+def reporting_to(reporter: Reporter, on_result: Callable[[dict[str, Any]], None]) -> Iterator[None]:
+    """Within the `with` block, flows of this process report to these two."""
+    token = _audience.set(Audience(reporter, on_result))
+    try:
+        yield
+    finally:
+        _audience.reset(token)
+
+
+def audience() -> Audience:
+    """Who hears of progress and results."""
+    return _audience.get() or _nobody
+
+
+@contextmanager
+def reporter(total: int, steps: int = STEPS, quiet: bool = False) -> Iterator[Reporter]:
+    """The reporter that suits stderr: live on a terminal, lines elsewhere, silent when it is to be quiet."""
     if quiet:
         yield Silent()
     elif sys.stderr.isatty():

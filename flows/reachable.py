@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from urllib.parse import urlsplit
 
-from flows.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
+from catalog.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
 
 ATTEMPT_TIMEOUT_S = 3.0
 PATIENCE_S = 6.0
@@ -89,7 +89,7 @@ def _remedy(url: str, aside: Sequence[Proxy]) -> str:
         )
     if proxy is not None:
         return (
-            f"It was asked through {proxy}. "
+            f"The request went through {proxy}. "
             f"Set no_proxy={host} if the server needs no proxy, or use --server local or embedded."
         )
     return "Check --server or PREFECT_API_URL (it ends in /api), or use --server local or embedded."

@@ -2,34 +2,50 @@
 
 One task per image, which has a process of its own do it; what happens within goes to the store and not to Prefect,
 whose database would grow by a dozen runs per image. Few images are handed out ahead, so that memory does not grow with
-the list.
+the list. Prefect gets artifacts for its pages and an event for its automations.
 """
 
+import math
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from contextlib import closing
 from queue import SimpleQueue
 from typing import Any
+from uuid import UUID
 
-from prefect import flow, get_run_logger
+import httpx
+from prefect import get_run_logger
+from prefect.artifacts import (
+    create_markdown_artifact,
+    create_progress_artifact,
+    create_table_artifact,
+    update_progress_artifact,
+)
 from prefect.client.schemas.objects import State, StateType
+from prefect.events import emit_event
+from prefect.exceptions import PrefectException
 from prefect.futures import PrefectFuture
 from prefect.states import Completed
 
-from flows.defaults import DEFAULT_PROFILE
-from flows.reprocessing.image_task import audience, image_task
-from flows.reprocessing.one_image import job_of
-from flows.reprocessing.parameters import settings_of
+from flows.flow import flow_of
+from flows.options import ReprocessOptions
+from flows.prefect_settings import server_is_lost
+from flows.progress import audience, logger
+from flows.reprocessing.image_task import image_task, job_of
+from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.planning import plans_in_words
-from flows.reprocessing.report import ProgressBar, publish_report
+from flows.reprocessing.pool import pool
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
-from flows.reprocessing.settings import Settings
-from flows.reprocessing.tally import in_words
-from flows.reprocessing.workforce import workforce
+from flows.reprocessing.tally import STATUSES, in_words
 from flows.runners import task_runner
+from flows.verdict import PUBLISHED
 
 TOO_MANY_FAILED = "TooManyFailed"
-LOST = "outcome-lost: its worker was lost, or what it came to could not be written into the store. Run it again."
+LOST = "outcome-lost: its process was lost, or what it came to could not be written into the store. Run it again."
+FINISHED, TOO_MANY = "planetpose.reprocess.finished", "planetpose.reprocess.too-many-failed"
+REPORT_EVERY_S = 10.0
+LISTED, PICTURES = 500, 6
+TROUBLE_OF_PREFECT = (httpx.HTTPError, PrefectException, OSError)
 Summary = dict[str, Any]
 
 
@@ -41,47 +57,23 @@ class TooManyFailedError(Exception):
         super().__init__(in_words(summary))
 
 
-@flow(name="reprocess", persist_result=False)
-def reprocess(
-    images: str,
-    store: str,
-    profile: str = DEFAULT_PROFILE,
-    only: list[str] | None = None,
-    kernels: list[str] | None = None,
-    workers: int = 0,
-    runner: str = "threads",
-    image_timeout_s: float = 1800.0,
-    image_memory_mb: float = 6000.0,
-    retries: int = 2,
-    retry_delay_s: float = 10.0,
-    force: bool = False,
-    again: bool = False,
-    verify: bool = False,
-    dry_run: bool = False,
-    most_failed_percent: float = 5.0,
-    fetch: bool = False,
-    archive: str | None = None,
-    cache: str | None = None,
-    cache_limit_gb: float | None = None,
-    cache_days: float | None = None,
-) -> State[Summary]:
-    """Reprocess an image list (see `flows.reprocessing.settings.Settings` for the parameters). Completed with the run's
-    summary; the state `TooManyFailed`, which is a Failed one, when more than `most_failed_percent` of the list is
-    refused or failed."""
-    settings = settings_of(**{name: value for name, value in locals().items() if name != "dry_run"})
-    if dry_run:
-        return dry(settings)
-    run = begin(settings)
+@flow_of(ReprocessOptions)
+def reprocess(options: ReprocessOptions) -> State[Summary]:
+    """Reprocess an image list. Completed with the run's summary; the state `TooManyFailed`, which is a Failed one, when
+    more than `most_failed_percent` of the list is refused or failed."""
+    if options.dry_run:
+        return dry(options)
+    run = begin(options)
     work_through(run)
     summary = finish(run)
-    audience().on_summary(summary)
-    get_run_logger().info("%s: %s", settings.images, in_words(summary))
+    audience().on_result(summary)
+    get_run_logger().info("%s: %s", options.images, in_words(summary))
     return final_state(run, summary)
 
 
-def dry(settings: Settings) -> State[Summary]:
-    """Tell what would be done."""
-    _, plans = planned(settings)
+def dry(options: ReprocessOptions) -> State[Summary]:
+    """Log what would be done."""
+    _, plans = planned(options)
     wanted = {plan.request.product: plan.why for plan in plans if plan.do}
     for product, why in wanted.items():
         get_run_logger().info("%s: %s", product, why)
@@ -91,11 +83,13 @@ def dry(settings: Settings) -> State[Summary]:
 
 def work_through(run: Run) -> None:
     """Do every image of the run that has to be done, some at a time."""
-    settings = run.settings
-    one_image, at_once = image_task(settings.limits), settings.at_a_time + 1
+    options = run.options
+    one_image, at_once = image_task(options), options.at_a_time + 1
     free, bar = threading.Semaphore(at_once), ProgressBar(run)
     ended: SimpleQueue[str] = SimpleQueue()
-    with task_runner(settings.runner, settings.at_a_time) as runner, workers_at_hand():
+    pool.open()
+    # When the run is interrupted the processes are killed at once: the task runner would wait for what they are at.
+    with task_runner(options.runner, options.at_a_time) as runner, closing(pool):
         for plan in run.plans():
             if not plan.do:
                 run.leave(plan)
@@ -106,7 +100,7 @@ def work_through(run: Run) -> None:
             note(run, ended)
             bar.show(run.tally.ended)
             product = plan.request.product
-            future = runner.submit(one_image, {"product": product, "job": job_of(plan, settings, run.name)})
+            future = runner.submit(one_image, {"product": product, "job": job_of(plan, options, run.name)})
             future.add_done_callback(Ended(product, ended, free))
         for _ in range(at_once):
             free.acquire()
@@ -114,19 +108,8 @@ def work_through(run: Run) -> None:
     bar.show(run.tally.ended, last=True)
 
 
-@contextmanager
-def workers_at_hand() -> Iterator[None]:
-    """Processes for the images of the `with` block. When it is interrupted they are killed at once: the task runner
-    would wait for what they are at."""
-    workforce.open()
-    try:
-        yield
-    finally:
-        workforce.close()
-
-
 def note(run: Run, ended: "SimpleQueue[str]") -> None:
-    """Count and tell the images that have ended."""
+    """Count and report the images that have ended."""
     while not ended.empty():
         product = ended.get()
         outcome = run.outcome_of_this_run(product)
@@ -155,3 +138,96 @@ def final_state(run: Run, summary: Summary) -> State[Any]:
         error = TooManyFailedError(summary)
         return State(type=StateType.FAILED, name=TOO_MANY_FAILED, message=in_words(summary), data=error)
     return Completed(message=in_words(summary), data=summary)
+
+
+def publish_report(run: Run, summary: Summary) -> None:
+    """Make the artifacts and emit the events of a run; a server that is lost meanwhile is no failure of the run."""
+    if server_is_lost():  # Prefect would try for half a minute
+        logger.warning("Prefect's server is lost: it has no artifacts and events of this run")
+        return
+    try:
+        make_artifacts(run, summary)
+    except TROUBLE_OF_PREFECT as error:
+        logger.warning("Prefect has no artifacts of this run: %s: %s", type(error).__name__, error)
+        return
+    resource = {"prefect.resource.id": f"planetpose.store.{run.options.folder.name}"}
+    emit_event(FINISHED, resource, payload=summary)
+    if run.too_many_failed:
+        emit_event(TOO_MANY, resource, payload=summary)
+
+
+def make_artifacts(run: Run, summary: Summary) -> None:
+    """A table of the run and a few of its overlays."""
+    key = key_of(run)
+    create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
+    create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
+
+
+class ProgressBar:
+    """How far a run is, on Prefect's pages; updated at most every `REPORT_EVERY_S`, and no more once that fails."""
+
+    def __init__(self, run: Run) -> None:
+        self._key = f"{key_of(run)}-progress"
+        self._images = len(run.requests)
+        self._id: UUID | None = None
+        self._next_s = 0.0
+
+    def show(self, ended: int, last: bool = False) -> None:
+        """So many images have ended, or need not be done. last: no more will be shown, so this is."""
+
+        if time.monotonic() < self._next_s and (not last or self._next_s == math.inf):
+            return
+        self._next_s = time.monotonic() + REPORT_EVERY_S
+        percent = 100.0 * ended / max(self._images, 1)
+        try:
+            if self._id is None:
+                found = create_progress_artifact(percent, key=self._key, description=f"{self._images} images")
+                self._id = found if isinstance(found, UUID) else None
+            else:
+                update_progress_artifact(self._id, percent)
+        except TROUBLE_OF_PREFECT as error:
+            logger.warning("Prefect shows no more progress: %s: %s", type(error).__name__, error)
+            self._next_s = math.inf
+
+
+def key_of(run: Run) -> str:
+    """What the artifacts of a store's runs are called."""
+    return "reprocess-" + "".join(c if c.isalnum() else "-" for c in run.options.folder.name.lower()).strip("-")
+
+
+def table_of(run: Run) -> list[dict[str, Any]]:
+    """Counts per status and reason, then what was done in this run, what is not published first; no more than
+    `LISTED` images, the whole table is in the store."""
+    tally = run.tally
+    counts: list[dict[str, Any]] = [
+        {"product": f"({status})", "status": tally.status[status], "reason": ""} for status in STATUSES
+    ]
+    counts += [{"product": f"({code})", "status": count, "reason": ""} for code, count in tally.codes.most_common()]
+    done = [outcome for product in run.why if (outcome := run.outcome_of_this_run(product))][: 10 * LISTED]
+    done.sort(key=lambda outcome: (outcome.status in PUBLISHED, outcome.product))
+    names = ("product", "status", "reason", "seconds")
+    return counts + [{name: getattr(outcome, name) or "" for name in names} for outcome in done[:LISTED]]
+
+
+def pictures_of(run: Run) -> str:
+    """Overlays of a few images of the run, the worst limbs first, as markdown that needs no other file."""
+    published = [
+        outcome
+        for outcome in all_outcomes(run.options.books)
+        if outcome.run == run.name and outcome.status in PUBLISHED
+    ]
+    published.sort(key=lambda outcome: -(outcome.limb_rms_px or 0.0))
+    shown = [picture for outcome in published[:PICTURES] if (picture := picture_of(run, outcome))]
+    return "\n\n".join(shown) or "No image was published in this run."
+
+
+def picture_of(run: Run, outcome: Outcome) -> str | None:
+    """A small overlay with its caption; None when there is none."""
+    from tasks.pictures.embedded import overlay_in_markdown
+
+    picture = overlay_in_markdown(run.options.folder / outcome.product)
+    if picture is None:
+        return None
+    rms = "unknown" if outcome.limb_rms_px is None else f"{outcome.limb_rms_px:.2f} px"
+    caption = f"**{outcome.product}**: {outcome.status}, limb rms {rms}"
+    return f"{caption}\n\n{picture}"

@@ -1,21 +1,18 @@
 """The result of one image as `--json` prints it: one object, the same keys whatever happened."""
 
 from collections import Counter
-from errno import EROFS
 from pathlib import Path
 from typing import Any
 
 from catalog.errors import PlanetposeError
-from catalog.plain_text import printable, shown_path
-from catalog.settings import ways_out_of
+from catalog.plain_text import shown_path
 from flows.chain import Chain
 from flows.diagnosis import leave
 from flows.guidance import guidance_of
-from flows.profile import Profile
-from flows.settling import settling
-from flows.verdict import PUBLISHED, doubts
-from tasks.atomic import without_temporaries
+from flows.verdict import PUBLISHED, doubts, rest_reached
+from tasks.boundary import reason_of, status_of
 from tasks.diagnose.step import OVERLAY, TRIED
+from tasks.profile import Profile
 from tasks.publish.step import stated_of
 from tasks.registry import IMAGE_POSE, INGEST, POSE, PUBLISH, UPLOAD, VALIDATE
 
@@ -83,7 +80,7 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     }
     frame = chain.last(INGEST)
     result["guidance"] = guidance_of(request) | {"overruled": list(frame.result.overruled) if frame else []}
-    result |= verdict(error, doubts(chain)) | known_before_correction(chain) | settling(chain)
+    result |= verdict(error, doubts(chain)) | known_before_correction(chain) | rest_reached(chain)
     if PUBLISH.name in chain.done:
         result |= corrected(chain)
     elif isinstance(error, PlanetposeError) and (folder := leave(chain)):
@@ -99,28 +96,10 @@ def profile_origin(profile: Profile) -> dict[str, Any] | None:
 
 
 def verdict(error: Exception | None, doubts: list[str]) -> dict[str, Any]:
-    """status and reason. What is no expected failure is told as what it is: trouble with files, or a bug."""
+    """status and reason."""
     if error is None:
         return {"status": "doubtful" if doubts else "ok", "reason": " ".join(doubts) or None}
-    if isinstance(error, PlanetposeError):
-        return {"status": error.status, "reason": error.reason}
-    if isinstance(error, OSError):
-        return {"status": "failed", "reason": file_trouble(error)}
-    return {
-        "status": "failed",
-        "reason": f"bug: {type(error).__name__}: {printable(str(error))}. Please report it with the log.",
-    }
-
-
-def file_trouble(error: OSError) -> str:
-    """Reason of a file that could not be read or written."""
-    variables = ways_out_of(Path(error.filename)) if isinstance(error.filename, str) else []
-    if variables:
-        remedy = f"Set {' and '.join(variables)} to what can be written in."
-        return f"file-trouble: {without_temporaries(str(error))}. {remedy}"
-    forbidden = isinstance(error, PermissionError) or error.errno == EROFS
-    remedy = "Change its permissions, or name another place" if forbidden else "Check disk and path, and try again"
-    return f"file-trouble: {printable(without_temporaries(str(error)))}. {remedy}."
+    return {"status": status_of(error), "reason": reason_of(error)}
 
 
 def known_before_correction(chain: Chain) -> dict[str, Any]:

@@ -1,15 +1,18 @@
-"""Run requests from a command line: answer from the cache what can be, and start Prefect only for the rest."""
+"""Run a command that may need Prefect: what can be answered without work is, and Prefect is started only for the
+rest."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from functools import partial
 from typing import Any
 
-from catalog.errors import PlanetposeError
+from catalog.errors import FailedError, PlanetposeError
 from flows.chain import Chain, only_cached
-from flows.plan import answer_from_cache, product_twice, twins
+from flows.one_image import answer_from_cache, product_twice, twins
+from flows.options import CorrectOptions, ReprocessOptions
 from flows.prefect_settings import prepare, server_at_hand, server_is_lost
-from flows.progress import Reporter
+from flows.progress import Reporter, reporting_to
 from flows.request import Request
 from flows.result import result_of
 from flows.server import ServerError, in_use, server_files
@@ -24,15 +27,15 @@ class InOrder:
 
     def __init__(self, count: int, tell: Tell) -> None:
         self._slots: list[Result | None] = [None] * count
-        self._told = 0
+        self._passed_on = 0
         self._tell = tell
 
     def put(self, position: int, result: Result) -> None:
         """The result of the request at `position`."""
         self._slots[position] = result
-        while self._told < len(self._slots) and (ready := self._slots[self._told]) is not None:
+        while self._passed_on < len(self._slots) and (ready := self._slots[self._passed_on]) is not None:
             self._tell(ready)
-            self._told += 1
+            self._passed_on += 1
 
     @property
     def missing(self) -> list[int]:
@@ -54,13 +57,15 @@ def run_requests(
     reporter: Reporter,
     tell: Tell,
     run_rest: RunRest | None = None,
+    options: CorrectOptions | None = None,
 ) -> list[Result]:
-    """Results of `requests` in their order; each is told as soon as it and those before it are known.
+    """Results of `requests` in their order; `tell` gets each as soon as it and those before it are known.
 
-    server: see `flows.prefect_settings`. run_rest: does what the cache cannot answer, in place of the flow. Whatever
-    happens, every request gets a result.
+    server: see `flows.prefect_settings`. run_rest: does what the cache cannot answer, in place of the flow. options:
+    what all the requests are made of, where they are; then the flow is `correct`. Whatever happens, every request gets
+    a result.
     """
-    run_rest = run_rest or partial(run_with_prefect, server=server, workers=workers, reporter=reporter)
+    run_rest = run_rest or partial(run_with_prefect, server=server, workers=workers, reporter=reporter, options=options)
     ordered = InOrder(len(requests), tell)
     refused = twins(requests)
     for position, request in enumerate(requests):
@@ -96,23 +101,81 @@ def orchestration_failed(request: Request, error: Exception) -> Result:
     return result | {"status": "failed", "reason": reason}
 
 
-def run_with_prefect(
-    requests: list[Request], ordered: InOrder, positions: list[int], server: str, workers: int, reporter: Reporter
-) -> None:
-    """Run the flow `correct` in this process and put its results at `positions`."""
+@contextmanager
+def prefect_at_hand(server: str, reporter: Reporter, on_result: Tell) -> Iterator[None]:
+    """Within the `with` block flows run in this process with the server that `server` chooses, and report to these
+    two."""
     prepare(server)
     from prefect.settings import PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
 
-    from flows.correct import audience, correct
-
-    waiting = iter(positions)
     # A flow's heartbeat thread holds up its end by a second; who runs the command sees whether it lives.
     with (
         server_at_hand(server),
         in_use(server_files()),
         temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}),
-        audience(reporter, lambda result: ordered.put(next(waiting), result)),
+        reporting_to(reporter, on_result),
     ):
-        state = correct(requests, workers, return_state=True)
+        yield
+
+
+def run_with_prefect(
+    requests: list[Request],
+    ordered: InOrder,
+    positions: list[int],
+    server: str,
+    workers: int,
+    reporter: Reporter,
+    options: CorrectOptions | None = None,
+) -> None:
+    """Run the flow in this process and put its results at `positions`."""
+    waiting = iter(positions)
+    with prefect_at_hand(server, reporter, lambda result: ordered.put(next(waiting), result)):
+        from flows.correct import correct, correct_requests
+
+        state = (
+            correct_requests(requests, workers, return_state=True)
+            if options is None
+            else correct(**dict(options.of(positions, workers)), return_state=True)
+        )
     if ordered.missing:
         raise RuntimeError(f"the flow ended {state.name}: {state.message}")
+
+
+def run_reprocess(
+    options: ReprocessOptions, server: str, reporter_of: Callable[[int], AbstractContextManager[Reporter]]
+) -> Result:
+    """Do what has to be done and return the run's summary; `reporter_of` makes a reporter of so many images.
+
+    Raises RefusedError when list, profile or `only` are no good, FailedError when the store cannot be written to or
+    Prefect ended the flow."""
+    from flows.reprocessing.run import begin, finish
+
+    run, wanted = begin(options), 0
+    for plan in run.plans():
+        wanted += plan.do
+        run.leave(plan)
+    if not wanted:
+        return finish(run)
+    with reporter_of(wanted) as reporter:
+        return reprocess_with_prefect(options, server, reporter)
+
+
+def reprocess_with_prefect(options: ReprocessOptions, server: str, reporter: Reporter) -> Result:
+    """Run the flow `reprocess` in this process. Raises as `run_reprocess`."""
+    summaries: list[Result] = []
+    with prefect_at_hand(server, reporter, summaries.append):
+        from flows.reprocess import reprocess
+
+        try:
+            state = reprocess(**dict(options), return_state=True)
+        except Exception as error:  # Prefect did not hear how the flow ended; the images are in the store
+            if not summaries:
+                raise
+            logger.warning("Prefect does not know of this run: %s: %s", type(error).__name__, error)
+            return summaries[0]
+    if summaries:
+        return summaries[0]
+    ended_with = state.result(raise_on_failure=False)
+    if isinstance(ended_with, PlanetposeError):
+        raise ended_with
+    raise FailedError("prefect", f"the flow ended {state.name}: {state.message}.", "Run it again: what is done stays.")

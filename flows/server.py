@@ -1,8 +1,9 @@
-"""The local Prefect server of the command line: started once, shared by all commands, stopped when nobody needs it.
+"""The local Prefect server of the command line: started once, shared by all commands of its user, stopped when nobody
+needs it. It asks for a password that only its user can read.
 
 Prefect needs a server for every flow, and starting one takes 4 to 15 s; so the first command that has work to do starts
 one in the background. A keeper process (`flows.server_keeper`) owns it and stops it after a time without use. Whether
-it lives is told by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
+it lives is known by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
 """
 
 import fcntl
@@ -15,13 +16,15 @@ import threading
 import time
 import urllib.error
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from filelock import FileLock
+
+from catalog.loopback import open_url
 from catalog.settings import state_folder
 from flows.children import our_module
-from flows.loopback import open_url
 from flows.reachable import ServerError, Silence, listens, said_when_it_takes_long
 
 START_TIMEOUT_S = 180.0
@@ -36,11 +39,12 @@ IDLE_MINUTES = 15.0
 
 @dataclass(frozen=True)
 class ServerRecord:
-    """A running server: address of its API, process ids of keeper and server."""
+    """A running server: address of its API, process ids of keeper and server, and USER:PASSWORD."""
 
     url: str
     keeper_pid: int
     server_pid: int
+    credentials: str = ""
 
 
 @dataclass(frozen=True)
@@ -84,27 +88,25 @@ class ServerFiles:
     def write(self, record: ServerRecord) -> None:
         """Replace the record in one go."""
         new = self.record.with_suffix(".new")
+        new.touch(mode=0o600)
         new.write_text(json.dumps(asdict(record)) + "\n", encoding="utf-8")
         new.replace(self.record)
 
+    def make(self) -> None:
+        """Make the folder, which nobody else may look into: password and database are in it."""
+        self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        with suppress(PermissionError):  # it is another one's, who gave us the right to write there
+            self.folder.chmod(0o700)
+
     def touch(self) -> None:
         """Say that the server is in use."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.make()
         self.used.touch()
 
 
 def server_files() -> ServerFiles:
     """The files of this user's server."""
     return ServerFiles(state_folder() / "server")
-
-
-@contextmanager
-def locked(path: Path) -> Iterator[None]:
-    """Hold an exclusive lock on `path`; waits for it. A killed holder gives it up by dying."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def is_held(path: Path) -> bool:
@@ -142,7 +144,7 @@ def ensure_server(files: ServerFiles | None = None) -> str:
     """
     files = files or server_files()
     files.touch()
-    with said_when_it_takes_long(lambda: waiting_for(files)), locked(files.starting_lock):
+    with said_when_it_takes_long(lambda: waiting_for(files)), FileLock(files.starting_lock):
         record = running_server(files) or _one_that_is_starting(files)
         if record is None:
             end(files)
@@ -233,7 +235,8 @@ def free_port() -> int:
 def stop_server(files: ServerFiles | None = None) -> bool:
     """Stop the local server; False when none ran."""
     files = files or server_files()
-    with locked(files.starting_lock):
+    files.make()
+    with FileLock(files.starting_lock):
         ran = is_held(files.alive_lock)
         end(files)
     return ran
@@ -245,16 +248,10 @@ def end(files: ServerFiles) -> None:
     deadline = time.monotonic() + 15
     while record and is_held(files.alive_lock) and time.monotonic() < deadline:
         for pid in (record.keeper_pid, record.server_pid):
-            _terminate(pid)
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
         time.sleep(0.2)
     files.record.unlink(missing_ok=True)
-
-
-def _terminate(pid: int) -> None:
-    try:
-        os.kill(pid, signal.SIGTERM)
-    except ProcessLookupError:
-        return
 
 
 @contextmanager

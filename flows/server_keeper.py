@@ -5,6 +5,7 @@ Run by `flows.server`: python -m flows.server_keeper FOLDER PORT IDLE_SECONDS
 
 import fcntl
 import os
+import secrets
 import signal
 import subprocess
 import sys
@@ -13,9 +14,11 @@ from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 
+from filelock import FileLock
+
 from flows.children import their_module
-from flows.server import ServerFiles, ServerRecord, locked
-from flows.server_serve import serving_environment
+from flows.server import ServerFiles, ServerRecord
+from flows.server_serve import AUTHENTICATION, serving_environment
 
 CHECK_EVERY_S = 2.0
 STOP_TIMEOUT_S = 10.0
@@ -30,8 +33,9 @@ def main(folder: Path, port: int, idle_s: float) -> int:
             fcntl.flock(alive, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             return 1  # there is a server
-        server = start_server(folder, port, alive.fileno())
-        files.write(ServerRecord(f"http://{HOST}:{port}/api", os.getpid(), server.pid))
+        credentials = f"planetpose:{secrets.token_urlsafe(24)}"
+        server = start_server(folder, port, alive.fileno(), credentials)
+        files.write(ServerRecord(f"http://{HOST}:{port}/api", os.getpid(), server.pid, credentials))
         signal.signal(signal.SIGTERM, lambda *_: stop(server))
         idleness = Idleness(files)
         while server.poll() is None:
@@ -40,10 +44,12 @@ def main(folder: Path, port: int, idle_s: float) -> int:
         return 0
 
 
-def start_server(folder: Path, port: int, alive: int) -> subprocess.Popen[bytes]:
-    """Start Prefect's server on this machine's own address. It inherits the lock, so it counts as alive by itself."""
+def start_server(folder: Path, port: int, alive: int, credentials: str) -> subprocess.Popen[bytes]:
+    """Start Prefect's server on this machine's own address. It inherits the lock, so it counts as alive by itself.
+    credentials: without them it does nothing, for every user of this machine reaches that address."""
     command = their_module("prefect", "server", "start", "--host", HOST, "--port", str(port))
-    return subprocess.Popen(command, env=server_environment(folder, port), pass_fds=(alive,))
+    environment = server_environment(folder, port) | {AUTHENTICATION: credentials}
+    return subprocess.Popen(command, env=environment, pass_fds=(alive,))
 
 
 def server_environment(folder: Path, port: int) -> dict[str, str]:
@@ -83,7 +89,7 @@ def stop_when_idle(files: ServerFiles, server: subprocess.Popen[bytes], idle_s: 
     """Stop the server if nobody used it for `idle_s`; no command can be about to use it, for it would hold the lock."""
     if idleness.seconds() < idle_s:
         return
-    with locked(files.starting_lock):
+    with FileLock(files.starting_lock):
         if idleness.seconds() >= idle_s:
             files.record.unlink(missing_ok=True)
             stop(server)

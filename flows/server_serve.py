@@ -1,6 +1,6 @@
 """A Prefect server in the foreground, for systemd, a container, or a terminal.
 
-It listens on this machine's own address unless told otherwise, and then only behind authentication. Database and
+It listens on this machine's own address unless another is given, and then only behind authentication. Database and
 secrets come from the environment, as Prefect documents it.
 """
 
@@ -9,8 +9,8 @@ import sys
 from collections.abc import Mapping
 
 from catalog.errors import RefusedError
+from catalog.loopback import is_loopback, keep_loopback_direct
 from flows.children import their_module
-from flows.loopback import is_loopback, keep_loopback_direct
 
 AUTHENTICATION = "PREFECT_SERVER_API_AUTH_STRING"
 CLIENT_AUTHENTICATION = "PREFECT_API_AUTH_STRING"
@@ -20,6 +20,8 @@ PRIVATE = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
     "DO_NOT_TRACK": "1",
     "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+    # The newer pages ask an analytics host for its configuration, whatever PREFECT_SERVER_ANALYTICS_ENABLED says.
+    "PREFECT_SERVER_UI_V2_ENABLED": "false",
     # Runs that ended a month ago, and their events: otherwise the database grows for ever.
     "PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED": "events,flow_runs",
     "PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD": str(30 * 24 * 3600),

@@ -7,17 +7,18 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from pydantic import ValidationError
+
 from catalog.digest import remember_digests
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_files import own_json
-from flows.reprocessing.one_image import DIGESTS
+from catalog.spice import KernelLists
+from flows.options import BOOKS, ReprocessOptions
 from flows.reprocessing.outcomes import Outcome, all_outcomes
-from flows.reprocessing.parameters import settings_of
 from flows.reprocessing.planning import plan_of
-from flows.reprocessing.requests import requests_of
-from flows.reprocessing.settings import BOOKS
 from flows.reprocessing.tally import RUNS, STATUSES
-from flows.request import KernelLists
+from flows.reprocessing.worker import DIGESTS
+from flows.requests import requests_of_list
 from flows.verdict import PUBLISHED
 
 Status = dict[str, Any]
@@ -115,12 +116,12 @@ def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
     profile cannot be read any more."""
     found: dict[str, Any] = {"list": run.get("list"), "profile": run.get("profile"), "fault": None}
     try:
-        settings = settings_of(**run.get("parameters", {}))
-        remember_digests(settings.cache / DIGESTS)
+        options = ReprocessOptions(**run.get("parameters", {}))
+        remember_digests(options.steps_cache / DIGESTS)
         kernels = KernelLists()
-        plans = [replace(plan_of(each, settings, kernels), trace={}, last=None) for each in requests_of(settings)]
-    except PlanetposeError as error:
-        return found | {"fault": error.reason, "images": None, "why": {}, "products": []}
+        plans = [replace(plan_of(each, options, kernels), trace={}, last=None) for each in requests_of_list(options)]
+    except (PlanetposeError, ValidationError) as error:
+        return found | {"fault": getattr(error, "reason", str(error)), "images": None, "why": {}, "products": []}
     wanted = [plan for plan in plans if plan.do]
     return found | {
         "images": len(wanted),

@@ -4,16 +4,17 @@ A trace is plain JSON: the profile, and of each step its name, key, code version
 failure. It holds all that the flow needs to find its way again, also when the cache of steps is gone.
 """
 
-from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any
 
 from pydantic import ValidationError
 
 from catalog.errors import FailedError, PlanetposeError, RefusedError
+from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError, RunStep, Tried
 from flows.image import correct_image
-from flows.request import KernelLists, Request
+from flows.request import Request
+from tasks.changes import inputs_changed, leaves_changed
 from tasks.fields import Json
 from tasks.record import Record
 from tasks.registry import STEPS
@@ -31,14 +32,14 @@ def trace_of(chain: Chain, failures: bool = True) -> Json:
 def entry_of(tried: Tried) -> Json:
     """One step of a trace."""
     step, failure = tried.step, tried.failure
-    told = (
+    failed = (
         {"status": failure.status, "code": failure.code, "fault": failure.fault, "remedy": failure.remedy}
         if failure
         else None
     )
     result = tried.record.result if tried.record else None
     known = {"name": step.name, "key": step.key, "code": step.code, "inputs": step.plain_inputs}
-    return {**known, "result": result, "failure": told}
+    return {**known, "result": result, "failure": failed}
 
 
 def answering(trace: Json) -> RunStep:
@@ -48,8 +49,8 @@ def answering(trace: Json) -> RunStep:
     def answer(step: AnyStep) -> Record:
         entry = known.get(step.key)
         if entry and entry["failure"]:
-            told = entry["failure"]
-            raise FAILURES[told["status"]](told["code"], told["fault"], told["remedy"])
+            failed = entry["failure"]
+            raise FAILURES[failed["status"]](failed["code"], failed["fault"], failed["remedy"])
         if entry and entry["result"] is not None:
             return Record(step.name, step.key, step.code, step.plain_inputs, entry["result"], 0.0, "")
         record = None if step.destination or step.kind.find_record else step.record()
@@ -60,10 +61,10 @@ def answering(trace: Json) -> RunStep:
     return answer
 
 
-def asked(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
+def known_chain(request: Request, trace: Json, kernels: KernelLists) -> tuple[Chain, Exception | None]:
     """The chain of an image as far as trace and cache answer it, and what ended it: NotCachedError at the first step
     that has to be done, a failure, or None where there is nothing to do. Nothing is written."""
-    chain = Chain(request, answering(trace), only_asks=True, kernels=kernels)
+    chain = Chain(request, answering(trace), read_only=True, kernels=kernels)
     try:
         correct_image(chain)
     except (NotCachedError, PlanetposeError, OSError) as error:
@@ -79,8 +80,8 @@ def changes(trace: Json, chain: Chain) -> list[str]:
     for tried in chain.tried:
         old = before.get(tried.step.name)
         if old and old["key"] != tried.step.key:
-            found += inputs_changed(tried.step.kind.told_as, old["inputs"], tried.step.plain_inputs)
-    settings = leaves_changed(trace.get("profile"), chain.request.profile.resolved())
+            found += inputs_changed(tried.step.kind.labels, old["inputs"], tried.step.plain_inputs)
+    settings = leaves_changed(trace.get("profile") or {}, chain.request.profile.resolved())
     found += [f"settings: {change}" for change in settings if not change.startswith("name ")]
     kinds = {step.name: step for step in STEPS}
     first: dict[str, Json] = {}
@@ -96,45 +97,3 @@ def code_changed(kind: StepType[Any, Any, Any], entry: Json) -> bool:
         return kind.code_for(kind.inputs.model_validate(entry["inputs"])) != entry["code"]
     except (ValidationError, RefusedError):  # inputs of another version, or of a plugin that is gone
         return bool(kind.code != entry["code"])
-
-
-def inputs_changed(names: Mapping[str, str], before: Json, after: Json) -> list[str]:
-    """Names of the inputs that differ, of kernels which."""
-    found = []
-    for path, name in names.items():
-        old, new = at(before, path), at(after, path)
-        if old != new:
-            found += kernels_changed(old, new) if name == "kernels" else [name]
-    return found
-
-
-def at(content: Any, path: str) -> Any:
-    """A value of nested tables by its path; None when there is none."""
-    for key in path.split("."):
-        content = content.get(key) if isinstance(content, dict) else None
-    return content
-
-
-def leaves_changed(before: Any, after: Any) -> list[str]:
-    """`path old -> new` of every value that differs."""
-    old, new = dict(leaves(before)), dict(leaves(after))
-    changed = [name for name in sorted(old.keys() | new.keys()) if old.get(name) != new.get(name)]
-    return [f"{name} {old.get(name, 'none')} -> {new.get(name, 'none')}" for name in changed]
-
-
-def leaves(content: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Every value of nested tables by its path."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from leaves(value, f"{path}.{key}" if path else str(key))
-    else:
-        yield path, content
-
-
-def kernels_changed(before: Any, after: Any) -> list[str]:
-    """Kernels that are new, gone or have other content; their order counts too."""
-    old, new = (dict(cast("list[list[str]]", kernels or [])) for kernels in (before, after))
-    found = [f"kernel {name}" for name in new if name in old and old[name] != new[name]]
-    found += [f"kernel {name} (new)" for name in new if name not in old]
-    found += [f"kernel {name} (gone)" for name in old if name not in new]
-    return found or ["kernels: their order"]

@@ -1,19 +1,22 @@
-"""What is believed of a corrected pose: refused outright, doubted, or taken."""
+"""The verdict on a corrected pose: refused, doubtful, or accepted; and whether the passes have converged."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from catalog.errors import PlanetposeError
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
-from tasks.accept.judgement import (
+from tasks.accept.acceptance import (
     doubtful_blocks,
     doubtful_blur,
     doubtful_likeness,
     doubtful_limb,
+    doubtful_psf,
     doubtful_sun,
     is_about_orientation,
 )
-from tasks.diagnose.telling import MAP
+from tasks.accept.rest import at_rest
+from tasks.diagnose.diagnosis import MAP
 from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, IMAGE_POSE, POINT, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
@@ -23,6 +26,7 @@ CONSEQUENCES = (
     "limb-disagrees",
     "limb-and-interior-disagree",
     "image-unlike-simulation",
+    "psf-disagrees",
     "sun-direction-disagrees",
 )
 PUBLISHED = ("ok", "doubtful")
@@ -31,7 +35,7 @@ PUBLISHED = ("ok", "doubtful")
 def doubts(chain: Chain) -> list[str]:
     """Why the corrected pose is doubtful, each as `code: fault. Remedy.`; empty when nothing speaks against it.
 
-    A correction doubts by a text under `doubt` in its evidence; only the last one of a kind is asked.
+    A correction doubts by a text under `doubt` in its evidence; only the last one of a kind counts.
     """
     last = {done.step.kind.name: done.result for done in chain.done.values()}
     judged, accept = chain.last(VALIDATE), chain.request.profile.accept
@@ -49,13 +53,21 @@ def doubts(chain: Chain) -> list[str]:
     if judged:
         report = judged.result
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
-        found += [doubtful_sun(accept, report.sun), report.doubt]
+        found += [doubtful_sun(accept, report.sun), doubtful_psf(accept, solved_psf(chain), report.limb), report.doubt]
     found = [doubt for doubt in found if doubt]
-    found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause is told before what may follow from it
+    found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause comes before what may follow from it
     if found and judged:
         spoilt = [doubtful_blocks(accept, judged.result.blocks), doubtful_blur(accept, judged.result.limb)]
         found = [doubt for doubt in (*spoilt, cause_of_doubts(chain)) if doubt] + found
     return found
+
+
+def solved_psf(chain: Chain) -> float | None:
+    """1-sigma width, px, of the PSF that the last correction solved for; None where none did."""
+    solved = [
+        done.result.changed.get("psf_sigma_px") for done in chain.done.values() if done.step.kind.name in CORRECTIONS
+    ]
+    return next((width for width in reversed(solved) if width), None)
 
 
 def code_of(doubt: str) -> str:
@@ -64,8 +76,8 @@ def code_of(doubt: str) -> str:
 
 
 def cause_of_doubts(chain: Chain) -> str | None:
-    """What the step `diagnose` found of a pose that was corrected and doubted; None where it was not asked, or was
-    asked before, of a failure."""
+    """What the step `diagnose` found of a pose that was corrected and doubted; None where it was not done, or was
+    done before, for a failure."""
     found = chain.last(DIAGNOSE)
     cause = found.result.diagnosis if found and is_of_doubts(chain) else None
     return f"{cause.code}: {cause.fault} {cause.remedy}" if cause and cause.code != MAP else None
@@ -82,3 +94,28 @@ def reminded(error: PlanetposeError, overruled: Sequence[str]) -> PlanetposeErro
     if not overruled or error.code == "interrupted":
         return error
     return type(error)(error.code, error.fault, f"{reminder(list(overruled))}{error.remedy}".strip())
+
+
+def settled(chain: Chain, number: int) -> bool:
+    """Whether pass `number` changed nothing that matters, or no more than half its error: then another would not."""
+    profile = chain.request.profile
+    results = [chain.done[f"{correction}-{number}"].result for correction in profile.corrections(number)]
+    return at_rest(results, profile.still)
+
+
+def rest_reached(chain: Chain) -> dict[str, Any]:
+    """`settled` of the result: passes, how many were begun; pose, whether the last of them changed nothing that matters
+    (None after a single one); attitude, whether turning the body came to rest (None when it is undetermined)."""
+    numbers = [int(name.partition("-")[2]) for name in chain.done if "-" in name]
+    if not numbers:
+        return {}
+    number = max(numbers)
+    complete = all(f"{step}-{number}" in chain.done for step in chain.request.profile.corrections(number))
+    turn = chain.last(ATTITUDE)
+    return {
+        "settled": {
+            "passes": number,
+            "pose": settled(chain, number) if number > 1 and complete else None,
+            "attitude": turn.result.evidence.get("settled") if turn else None,
+        }
+    }

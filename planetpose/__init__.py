@@ -37,7 +37,7 @@ PUBLIC = {
     "Camera": "catalog.camera",
     "find_camera": "catalog.camera",
     "known_cameras": "catalog.camera",
-    "Target": "catalog.target",
+    "Target": "catalog.body",
     "find_target": "catalog.target",
     "known_targets": "catalog.target",
     "PlanetposeError": "catalog.errors",
@@ -55,6 +55,7 @@ PUBLIC = {
 __all__ = sorted([*PUBLIC, "__version__"])
 
 if TYPE_CHECKING:
+    from catalog.body import Target as Target
     from catalog.camera import Camera as Camera
     from catalog.camera import find_camera as find_camera
     from catalog.camera import known_cameras as known_cameras
@@ -68,7 +69,6 @@ if TYPE_CHECKING:
     from catalog.readers.exposure_time import ExposureTime as ExposureTime
     from catalog.readers.reading import Reader as Reader
     from catalog.readers.reading import Reading as Reading
-    from catalog.target import Target as Target
     from catalog.target import find_target as find_target
     from catalog.target import known_targets as known_targets
     from planetpose.correction import correct as correct
@@ -109,9 +109,9 @@ def __dir__() -> list[str]:
 
 
 def _warn_of_hidden_modules() -> None:
-    from planetpose.hidden import HiddenModuleWarning, told
+    from planetpose.hidden import HiddenModuleWarning, warnings_of
 
-    for text in told(planetpose_launcher.put_aside, planetpose_launcher.hidden()):
+    for text in warnings_of(planetpose_launcher.put_aside, planetpose_launcher.hidden()):
         warnings.warn(text, HiddenModuleWarning, stacklevel=3)
 
 

@@ -51,11 +51,11 @@ def correct(
     `failed` and its `reason` says why. Raises RefusedError for a profile that cannot be used, and ValueError for
     arguments that are none (a product's name that is no folder's name, an unknown flip).
     """
-    from flows.indexing import note_in_index
     from flows.one_image import one_result
-    from flows.profile import find_profile, profile_of
+    from flows.places import note_in_index
     from flows.progress import Silent
     from flows.request import Request
+    from tasks.profile import find_profile, profile_of
     from tasks.step import run
 
     class Reporter(Silent):

@@ -9,9 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import PLANES
 from tasks.project.pixels import project_pixels
 from tasks.project.places import pixels_of_places
-from tasks.project.planes import PLANES, project_planes
+from tasks.project.planes import project_planes
 from tasks.publish.cube_model import CubeModel, model_of
 from tasks.publish.variables import BY_NAME
 

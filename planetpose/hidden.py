@@ -7,7 +7,7 @@ class HiddenModuleWarning(UserWarning):
     """A module of the user cannot be imported beside planetpose, whose package has the same name."""
 
 
-def told(put_aside: Mapping[str, str], hidden: Mapping[str, str]) -> Iterator[str]:
+def warnings_of(put_aside: Mapping[str, str], hidden: Mapping[str, str]) -> Iterator[str]:
     """A sentence for each, with a remedy. put_aside: name and file of modules that were imported before planetpose was;
     hidden: of those on the path that would be found without it."""
     for name, file in put_aside.items():

@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field
 from catalog.pose import Pose
 from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs
 from tasks.step import Changed, StepType
 from tasks.work import Work
@@ -70,11 +70,11 @@ class CorrectionResult(Content):
 
     @property
     def formal(self) -> Amounts:
-        """1-sigma by the scatter of the residuals alone, or what is stated where nobody told that."""
+        """1-sigma by the scatter of the residuals alone, or what is stated where nobody stated that."""
         formal: Json | None = self.evidence.get(FORMAL)
         return formal or self.uncertainty
 
-    def told(self) -> Json:
+    def to_dict(self) -> Json:
         """What a product says of it: all but the pose, as plain JSON."""
         return self.model_dump(mode="json", exclude={"pose"})
 
@@ -97,8 +97,8 @@ def correction_step(
     parameters: frozenset[str] = frozenset(),
 ) -> StepType[C, SceneFiles, CorrectionResult]:
     """The type of a correction's step, see `StepType`."""
-    told_as = {"scene.basemap": "base map"}
-    return StepType(name, body, CorrectionResult, settings, changes, parameters, told_as)
+    labels = {"scene.basemap": "base map"}
+    return StepType(name, body, CorrectionResult, settings, changes, parameters, labels)
 
 
 def recorded(correction: Correction, image_moved: bool = False, markings_match: bool | None = None) -> CorrectionResult:

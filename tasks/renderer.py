@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 
 VARIANT = "scalar_rgb"  # autodetecting a variant may abort the process where LLVM is missing
 # Its import swaps modules under way: a second thread would get one that is not ready.
@@ -31,7 +32,9 @@ def rendered(scene: Any) -> NDArray[np.float32]:
     with _RENDERING:
         picture = np.asarray(mitsuba().render(scene), dtype=np.float32)
         if scene.integrator().should_stop():
-            raise FailedError("interrupted", "the rendering was interrupted.", "Run it again: finished steps stay.")
+            raise FailedError(
+                Reason.INTERRUPTED, "the rendering was interrupted.", "Run it again: finished steps stay."
+            )
     return picture
 
 

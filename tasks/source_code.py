@@ -53,13 +53,13 @@ def _imports(node: ast.AST, package: str) -> list[Import]:
 
 
 class _Normaliser(ast.NodeTransformer):
-    """Takes out bare texts (docstrings), and the wording of errors and log lines: texts in the arguments of what is
-    named ...Error, ...Exception or ...Warning or is a logger's (but the first of several, an error's code), and those
-    of local variables that only such arguments use."""
+    """Takes out bare texts (docstrings), descriptions of fields, and the wording of errors and log lines: texts in the
+    arguments of what is named ...Error, ...Exception or ...Warning or is a logger's (but the first of several, an
+    error's code), and those of local variables that only such arguments use."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
         """A bare text is a docstring."""
-        if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+        if _is_text(node.value):
             return ast.Pass()
         return self.generic_visit(node)
 
@@ -79,6 +79,7 @@ class _Normaliser(ast.NodeTransformer):
             node.args = coded + [_Wording().visit(each) for each in node.args[len(coded) :]]
             for keyword in node.keywords:
                 keyword.value = _Wording().visit(keyword.value)
+        node.keywords = [each for each in node.keywords if each.arg != "description" or not _is_text(each.value)]
         return self.generic_visit(node)
 
 
@@ -94,6 +95,10 @@ class _Wording(ast.NodeTransformer):
         self.generic_visit(node)
         shown = [part.value for part in node.values if isinstance(part, ast.FormattedValue)]
         return ast.Tuple(shown, ast.Load())
+
+
+def _is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
 def _is_error(call: ast.Call) -> bool:

@@ -36,7 +36,7 @@ class StepType(Generic[I, F, R]):
     types of inputs (all that the result depends on), files (paths, no part of the key) and result. result: the type
     that its record is read as. settings: the model of its table in a profile. changes: what later steps get in place of
     what was there before. parameters: groups of pose parameters that a correction always changes, so that a profile
-    which holds one of them leaves it out; empty where it can hold any. told_as: inputs in the words of people, by their
+    which holds one of them leaves it out; empty where it can hold any. labels: inputs in the words of people, by their
     path, for the reason why a step is done again; what earlier steps found is told there, settings by themselves.
     schema_version: of the result; another one is another key. find_record: asks for the finished
     step elsewhere than in its folder. check_place: raises RefusedError when what is at the step's place may not be
@@ -49,7 +49,7 @@ class StepType(Generic[I, F, R]):
     settings: type[BaseModel] | None = None
     changes: frozenset[Changed] = frozenset()
     parameters: frozenset[str] = frozenset()
-    told_as: Mapping[str, str] = field(default_factory=dict)
+    labels: Mapping[str, str] = field(default_factory=dict)
     schema_version: int = 1
     find_record: "Callable[[Step[I, F, R]], Record | None] | None" = None
     check_place: "Callable[[Step[I, F, R]], None] | None" = None

@@ -2,6 +2,7 @@
 
 import ast
 import fnmatch
+import graphlib
 import re
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+import grimp
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -19,7 +21,7 @@ LONGEST_MODULE = 300
 KNOWS_PREFECT = {"tasks/prefect_task.py"}
 KNOWS_ZARR = ("tasks/publish/", "tasks/stored.py")
 # where one image's trouble must not stop the others
-BOUNDARIES = {"flows/boundary.py", "flows/correct.py", "flows/run.py", "flows/reprocessing/command.py"}
+BOUNDARIES = {"tasks/boundary.py", "flows/correct.py", "flows/run.py"}
 # where the code of another distribution must not stop ours
 BOUNDARIES |= {"catalog/plugins.py"}
 
@@ -57,6 +59,46 @@ def test_arrows_point_down_only(floor: str) -> None:
     above = set(FLOORS[FLOORS.index(floor) + 1 :]) | {"tests"}
     upward = {name_of(p): packages_of(p) & above for p in SOURCES if name_of(p).startswith(f"{floor}/")}
     assert {name: found for name, found in upward.items() if found} == {}
+
+
+@pytest.fixture(scope="module")
+def graph() -> grimp.ImportGraph:
+    """Who imports whom, inside functions and for types as well."""
+    return grimp.build_graph(*FLOORS, cache_dir=None)
+
+
+def circle_in(imported_by: dict[str, set[str]]) -> list[str]:
+    """One circle of importers, empty when there is none."""
+    try:
+        graphlib.TopologicalSorter(imported_by).prepare()
+    except graphlib.CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def test_no_module_is_imported_by_what_it_imports(graph: grimp.ImportGraph) -> None:
+    # A module may name itself: what a Dask cluster is given by value finds its own module so.
+    assert circle_in({name: graph.find_modules_directly_imported_by(name) - {name} for name in graph.modules}) == []
+
+
+@pytest.mark.parametrize("floor", ["catalog", "tasks", "planetpose"])
+def test_no_folder_is_imported_by_what_it_imports(graph: grimp.ImportGraph, floor: str) -> None:
+    def folder(module: str) -> str:
+        return ".".join(module.split(".")[:2])
+
+    folders: dict[str, set[str]] = {}
+    for name in graph.modules:
+        if name.startswith(f"{floor}."):
+            folders.setdefault(folder(name), set()).update(
+                folder(other)
+                for other in graph.find_modules_directly_imported_by(name)
+                if folder(other) != folder(name)
+            )
+    assert circle_in(folders) == []
+
+
+def test_a_circle_of_imports_would_be_found() -> None:
+    assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
 
 
 def test_nothing_that_is_installed_for_users_names_a_module_of_the_instruments() -> None:
@@ -226,3 +268,37 @@ def test_a_cached_answer_imports_nothing_that_is_slow() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+# Words that name nothing that the field knows; readers and flows are next.
+VAGUE = re.compile(r"told|asked|believe|untold|workman|workforce|telling|settling|judge")
+NAMED_BY_THE_FIELD = re.compile(r"masked")
+
+
+def names_in(path: Path) -> Iterator[str]:
+    """Every identifier that a module makes or uses, its own name and those of the modules that it imports."""
+    yield path.stem
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Name):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.FunctionDef | ast.ClassDef):
+            yield node.name
+        elif isinstance(node, ast.arg) or (isinstance(node, ast.keyword) and node.arg):
+            yield node.arg
+        elif isinstance(node, ast.alias):
+            yield from node.name.split(".")
+
+
+def test_identifiers_are_the_fields_or_plain_words() -> None:
+    named = [path for path in SOURCES if name_of(path).startswith(("tasks/", "catalog/", "planetpose/"))]
+    vague = {
+        f"{name_of(path)}: {name}"
+        for path in named
+        if not name_of(path).startswith("catalog/readers/")
+        for name in names_in(path)
+        if VAGUE.search(NAMED_BY_THE_FIELD.sub("", name.lower()))
+    }
+    assert vague == set()
+    assert "backplanes" in {part for path in named for part in names_in(path)}

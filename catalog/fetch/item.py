@@ -14,6 +14,7 @@ from catalog.fetch.ledger import Ledger
 from catalog.fetch.rate import RateLimit
 from catalog.fetch.settings import FetchSettings
 from catalog.fetch.transfer import BLOCK_BYTES, Part, TransferError, transfer
+from catalog.reasons import Reason
 
 INCOMING = ".incoming"
 
@@ -70,7 +71,7 @@ def fetch_item(item: Item, archive: Path, settings: FetchSettings, rate: RateLim
     except TransferError as error:
         return Outcome(item, "failed", reason=str(error), attempts=settings.attempts if error.passing else 1)
     except OSError as error:
-        return Outcome(item, "failed", reason=f"file-trouble: {error}")
+        return Outcome(item, "failed", reason=f"{Reason.FILE_TROUBLE}: {error}")
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from catalog.fetch.item import Item
 from catalog.lists.kernel_sets import expanded, known_sha256
 from catalog.lists.location import Location, parse_location
 from catalog.lists.model import ImageEntry, ImageList
+from catalog.reasons import Reason
 
 KINDS = ("images", "labels", "kernels", "maps")
 
@@ -36,7 +37,9 @@ def item_of(text: str, mirror: str | None = None) -> Item:
     """The item of one location. Raises RefusedError for a path, which needs no fetching."""
     location = parse_location(text)
     if location.url is None:
-        raise RefusedError("location-local", f"{text} is a path, not a place in an archive.", "Use the file as it is.")
+        raise RefusedError(
+            Reason.LOCATION_LOCAL, f"{text} is a path, not a place in an archive.", "Use the file as it is."
+        )
     return Item(text, _source(location, mirror), location.path, known_sha256(text))
 
 

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from catalog.errors import RefusedError
 from catalog.lists.model import ImageEntry, ImageList
 from catalog.lists.tables import Row, invalid, read_table, write_table
+from catalog.reasons import Reason
 
 LISTS_FOLDER = Path(__file__).parent / "data"
 TRUTH = "truth."
@@ -30,7 +31,7 @@ def find_list(name_or_file: str | Path) -> Path:
     path = Path(name_or_file)
     if not path.exists():
         raise RefusedError(
-            "list-missing",
+            Reason.LIST_MISSING,
             f"image list {name_or_file} is neither a file nor in the catalog.",
             f"The catalog has {', '.join(known) or 'none'}; a list is a CSV, TOML or Parquet file.",
         )

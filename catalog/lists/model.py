@@ -89,8 +89,11 @@ class ImageEntry(BaseModel):
     @classmethod
     def _is_in_the_catalog(cls, name: str | None, info: Any) -> str | None:
         from catalog.camera import known_cameras
+        from catalog.made_camera import is_made
 
-        if name and info.field_name == "camera" and not name.endswith(".toml") and name.lower() not in known_cameras():
+        if not name or info.field_name != "camera" or name.endswith(".toml") or is_made(name):
+            return name
+        if name.lower() not in known_cameras():
             raise ValueError(f"camera {name!r} is unknown; known: {', '.join(known_cameras())}, or a FILE.toml")
         return name
 

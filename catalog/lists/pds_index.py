@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.errors import RefusedError
 from catalog.lists.model import ImageEntry
 from catalog.lists.tables import Row
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.exposure_time import Place, claim, exposure_time
 from catalog.readers.label_values import number, text
 from catalog.readers.names import camera_of_names, instrument_names, sole_target, targets_of_label
+from catalog.reasons import Reason
 from catalog.regular_file import is_regular, open_regular, read_regular
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
@@ -77,7 +78,7 @@ def read_index_label(path: Path) -> Index:
 
 def unusable(path: Path, fault: str, remedy: str = "Fetch label and table again.") -> RefusedError:
     """The refusal of an index."""
-    return RefusedError("index-invalid", f"index {path}: {fault}.", remedy)
+    return RefusedError(Reason.INDEX_INVALID, f"index {path}: {fault}.", remedy)
 
 
 def _parsed(path: Path) -> Any:

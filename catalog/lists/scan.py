@@ -8,6 +8,7 @@ from pathlib import Path
 from catalog.errors import RefusedError
 from catalog.lists.location import ARCHIVE, URL
 from catalog.lists.tables import Row
+from catalog.reasons import Reason
 from catalog.regular_file import NotRegularError, is_regular, open_regular
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
@@ -28,7 +29,9 @@ def scan_folder(folder: Path, relative_to: Path) -> Scan:
     """Read every image below `folder`, in the order of names; links to folders and hidden files are left out. Paths of
     the rows are relative to `relative_to` where they lie below it. Raises RefusedError when it is no folder."""
     if not folder.is_dir():
-        raise RefusedError("folder-missing", f"{folder} is no folder.", "Give a folder of images, or an index label.")
+        raise RefusedError(
+            Reason.FOLDER_MISSING, f"{folder} is no folder.", "Give a folder of images, or an index label."
+        )
     found = Scan()
     for path in _files(folder):
         if not looks_like_an_image(path):

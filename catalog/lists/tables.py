@@ -10,6 +10,7 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
+from catalog.reasons import Reason
 from catalog.regular_file import check_regular, read_regular, read_regular_text
 
 Row = dict[str, Any]
@@ -41,7 +42,7 @@ def _check(path: Path) -> None:
         check_regular(path, MAX_FILE_BYTES)
     except FileNotFoundError as error:
         raise RefusedError(
-            "list-missing", f"image list {path} does not exist.", "`planetpose catalog list` names some."
+            Reason.LIST_MISSING, f"image list {path} does not exist.", "`planetpose catalog list` names some."
         ) from error
     except OSError as error:
         raise invalid(path, f"it cannot be read ({error.strerror})", "Save it as a file and give that.") from error
@@ -49,7 +50,7 @@ def _check(path: Path) -> None:
 
 def invalid(path: Path, fault: str, remedy: str = "Correct the file.") -> RefusedError:
     """The refusal of a list file."""
-    return RefusedError("list-invalid", f"image list {path}: {fault}.", remedy)
+    return RefusedError(Reason.LIST_INVALID, f"image list {path}: {fault}.", remedy)
 
 
 def _csv_rows(path: Path) -> list[tuple[str, Row]]:

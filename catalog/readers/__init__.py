@@ -9,20 +9,32 @@ from pathlib import Path
 
 from catalog.errors import RefusedError
 from catalog.flips import Flip
+from catalog.image_mode import ImageMode
 from catalog.observation import Frame
 from catalog.plugins import READERS as GROUP
 from catalog.plugins import contributed
+from catalog.readers.beside import completed, pixel_file
 from catalog.readers.finishing import frame_of_reading
 from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
+from catalog.readers.isis import IsisReader
+from catalog.readers.npy import NpyReader
+from catalog.readers.packed import is_packed, unpacked
+from catalog.readers.pds3_image import Pds3Reader
+from catalog.readers.pds4 import Pds4Reader
 from catalog.readers.picture import PictureReader
 from catalog.readers.plugged import PluggedReader, readers_of
-from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader
+from catalog.readers.reading import HEAD_BYTES, MAX_FILE_BYTES, Reader, Reading
 from catalog.readers.tiff import TiffReader
 from catalog.readers.vicar import VicarReader
+from catalog.reasons import Reason
 from catalog.regular_file import TooLargeError, open_regular
 
-READERS: tuple[Reader, ...] = (VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader())
+READERS: tuple[Reader, ...] = (
+    VicarReader(), ImqReader(), FitsReader(), IsisReader(), PictureReader(), TiffReader(), NpyReader(), Pds3Reader(),
+    Pds4Reader(),
+)  # fmt: skip
+"""The last two also read files without a mark of their own, which a label beside them describes."""
 
 __all__ = ["READERS", "all_readers", "image_is_folder", "plugin_reader_of", "read_frame"]
 
@@ -46,30 +58,61 @@ def plugin_reader_of(path: Path) -> str | None:
     return next((name for name, reader in plugin_readers().items() if reader.recognises(head, path)), None)
 
 
-def read_frame(path: Path, camera: str | None = None, target: str | None = None, flip: Flip | None = None) -> Frame:
+def read_frame(
+    path: Path,
+    camera: str | None = None,
+    target: str | None = None,
+    flip: Flip | None = None,
+    plane: str | None = None,
+    mode: ImageMode | None = None,
+) -> Frame:
     """The image of a file with all that is known about it.
 
     camera, target: name or TOML file; both override what the label says. Vectors and geometry that the label gives for
     another target than `target` are dropped. flip: applied to the picture, and all that belongs to its pixels, before
-    anything else.
+    anything else. plane: number (from 1) or name of the one to read, where the file has several. mode: summing and
+    window of the image, overriding the label's; None takes the label's, or what the frame's size says.
 
     Raises RefusedError, naming the file, the fault and the remedy, for whatever cannot be read as one grey image, and
-    for an image whose size is not its camera's.
+    for an image whose size is neither its camera's nor that of a known mode of it.
     """
     path = Path(path)
     head = _head(path)
-    reader = next((reader for reader in all_readers() if reader.recognises(head, path)), None)
+    if is_packed(head):
+        with unpacked(path) as image:
+            reading = _read(image, _head(image), plane)
+    else:
+        reading = _read(path, head, plane)
+    return frame_of_reading(path, reading if flip is None else reading.flipped(flip), camera, target, mode)
+
+
+def _read(path: Path, head: bytes, plane: str | None) -> Reading:
+    """The file by the reader that knows it; a label by the reader of the file that it describes, if that has one."""
+    given, pixels = path, pixel_file(path)
+    if pixels != path and _reader_of(_head(pixels), pixels, READERS[:-2]) is not None:
+        head, path = _head(pixels), pixels
+    elif is_packed(head):
+        raise RefusedError(Reason.IMAGE_FORMAT_UNKNOWN, f"image {path}: it is packed twice.", "Unpack it.")
+    reader = _reader_of(head, path, all_readers())
     if reader is None:
         raise RefusedError(
-            "image-format-unknown",
+            Reason.IMAGE_FORMAT_UNKNOWN,
             f"image {path}: {_description(head)}.",
-            "VICAR (Voyager, Galileo, Cassini), compressed Voyager .imq, FITS, PNG and TIFF are read; unpack archives.",
+            "VICAR, compressed Voyager .imq, FITS, ISIS cubes, PDS3 and PDS4 (keep label and image in one folder, "
+            "under the names that the label gives), PNG, TIFF, JPEG, NPY, and any of them in .gz or .bz2, are read.",
         )
     try:
-        reading = reader.read(path)
+        return completed(reader.read(path, plane), path)
+    except RefusedError as refusal:
+        if given.name in refusal.fault or isinstance(reader, PluggedReader):
+            raise
+        raise refusal.saying(f"image {given}: {refusal.fault}", refusal.remedy) from refusal
     except (OSError, MemoryError) as error:
-        raise RefusedError("image-unreadable", f"image {path} cannot be read ({error}).") from error
-    return frame_of_reading(path, reading if flip is None else reading.flipped(flip), camera, target)
+        raise RefusedError(Reason.IMAGE_UNREADABLE, f"image {given} cannot be read ({error}).") from error
+
+
+def _reader_of(head: bytes, path: Path, readers: tuple[Reader, ...]) -> Reader | None:
+    return next((reader for reader in readers if reader.recognises(head, path)), None)
 
 
 def _head(path: Path) -> bytes:
@@ -80,23 +123,25 @@ def _head(path: Path) -> bytes:
         with open_regular(path, MAX_FILE_BYTES) as file:
             return file.read(HEAD_BYTES)
     except FileNotFoundError as error:
-        raise RefusedError("image-missing", f"image {path} does not exist.", remedy) from error
+        raise RefusedError(Reason.IMAGE_MISSING, f"image {path} does not exist.", remedy) from error
     except TooLargeError as error:
-        raise RefusedError("image-too-large", f"image {path}: {error.strerror}.", "Give a single frame.") from error
+        raise RefusedError(
+            Reason.IMAGE_TOO_LARGE, f"image {path}: {error.strerror}.", "Give a single frame."
+        ) from error
     except OSError as error:
-        raise RefusedError("image-unreadable", f"image {path} cannot be opened ({error}).", remedy) from error
+        raise RefusedError(Reason.IMAGE_UNREADABLE, f"image {path} cannot be opened ({error}).", remedy) from error
 
 
 def image_is_folder(path: Path) -> RefusedError:
     """The refusal of a folder in place of an image."""
     remedy = f"Give the files in it, for example {path}/*.IMG."
-    return RefusedError("image-is-folder", f"image {path} is a folder.", remedy)
+    return RefusedError(Reason.IMAGE_IS_FOLDER, f"image {path} is a folder.", remedy)
 
 
 def _description(head: bytes) -> str:
     if not head:
         return "the file is empty"
-    if head.startswith((b"\x1f\x8b", b"PK\3\4", b"BZh", b"\xfd7zXZ")):
+    if head.startswith((b"PK\3\4", b"\xfd7zXZ")):
         return "it is a compressed archive"
     if _is_text(head):
         return "it is a text or a detached label, not an image"

@@ -1,7 +1,7 @@
 """The middle of an exposure out of everything that a label says of its time.
 
-Labels say it several times over: start, stop, middle, read-out, duration. What most of them agree on is believed; what
-contradicts it is told; where nothing agrees no time is believed at all.
+Labels say it several times over: start, stop, middle, read-out, duration. What most of them agree on is taken; what
+contradicts it is named; where nothing agrees no time is taken at all.
 """
 
 from collections.abc import Iterable, Mapping
@@ -45,12 +45,13 @@ class TimeClaim:
 
 @dataclass(frozen=True)
 class ExposureTime:
-    """et: the middle, TDB seconds past J2000, or None. told: what contradicts it, a sentence each. fault: why there is
-    no time although the label speaks of it."""
+    """et: the middle, TDB seconds past J2000, or None. contradictions: what contradicts it, a sentence each. fault: why
+    there is no time although the label speaks of it. source: the keywords that agree on the middle."""
 
     et: float | None = None
-    told: tuple[str, ...] = ()
+    contradictions: tuple[str, ...] = ()
     fault: str = ""
+    source: str = ""
 
 
 UNKNOWN_TIME = ExposureTime()
@@ -117,7 +118,8 @@ def exposure_time(
     elif _spread(leading) > AGREE_S:
         stated = "; ".join([*map(str, claims), *(f"{k} = {v:g} s" for k, v in known.items())])
         return ExposureTime(fault=f"its times contradict each other: {stated}")
-    return ExposureTime(first.middle_et, _told(first, claims, known, gaps_count))
+    source = " and ".join(stated.keyword for stated in first.agreeing)
+    return ExposureTime(first.middle_et, _contradictions(first, claims, known, gaps_count), source=source)
 
 
 def _spread(answers: "list[_Answer]") -> float:
@@ -173,7 +175,9 @@ def _same_length(value: float, length_s: float, gaps_count: bool) -> bool:
     return shorter or abs(value - length_s) <= SAME_LENGTH_S + 0.01 * length_s
 
 
-def _told(answer: _Answer, claims: list[TimeClaim], known: Mapping[str, float], gaps_count: bool) -> tuple[str, ...]:
+def _contradictions(
+    answer: _Answer, claims: list[TimeClaim], known: Mapping[str, float], gaps_count: bool
+) -> tuple[str, ...]:
     used = f"the label's other times are used, the middle is {utc_from_et(answer.middle_et)}"
     found = []
     for stated in claims:

@@ -19,6 +19,7 @@ NOISY_SHARE = 0.2
 """Of neighbouring pixels that differ: 0 in a sky of one value, 0.3 with noise of 0.3 data numbers, 1 in floats."""
 MAX_LOG_CHANCE = -25.0
 """Natural logarithm of the chance that pixels with the neighbours' share of that value make such a run: 1e-11."""
+WINDOW_EDGE_SHARE = 0.05  # of pixels along a window's edge that have the value outside, as dark noise may
 MAX_VALUES = 3  # besides zero and the smallest number
 SIDE_LINES = 3  # a stretch that touches the frame's top or bottom has noise on one side only: it must be this high
 
@@ -31,7 +32,7 @@ class Filling:
     values: tuple[float, ...] = ()
 
     @property
-    def told(self) -> tuple[str, ...]:
+    def sentences(self) -> tuple[str, ...]:
         """A sentence for people, none where nothing is filled."""
         count = int(np.count_nonzero(self.mask))
         if not count:
@@ -61,6 +62,17 @@ def filled(image: NDArray, known: NDArray[np.bool_] | None = None) -> Filling:
     if min(image.shape) < MIN_WIDTH_PX or image.dtype.kind not in "iuf":
         return Filling(mask)
     values: dict[float, int] = {}
+    window = _window(image)
+    if window is not None:
+        mask[:] = True
+        mask[window] = False
+        outside = float(image[mask][0])
+        values[outside] = int(np.count_nonzero(mask))
+        inside = filled(image[window])
+        mask[window] |= inside.mask
+        if known is not None:
+            mask &= ~known
+        return Filling(mask, tuple(dict.fromkeys((outside, *inside.values))))
     for picture, marks in ((image, mask), (image.T, mask.T)):
         for run in [*_whole_lines(picture), *(_stretches(picture) if picture is image else ())]:
             region = marks[run.top : run.bottom, run.left : run.right]
@@ -69,6 +81,39 @@ def filled(image: NDArray, known: NDArray[np.bool_] | None = None) -> Filling:
     if known is not None:
         mask &= ~known
     return Filling(mask, tuple(sorted(values, key=lambda value: -values[value])))
+
+
+def _window(image: NDArray) -> tuple[slice, slice] | None:
+    """The rectangle outside which all pixels have one value, where it is a window of an image: along all its edges that
+    are not the frame's hardly a pixel has that value, and one of them at least is noisy. None where there is no such
+    rectangle, or it is the frame.
+
+    The rectangle around a disk in a sky of one value touches the disk with a few pixels of each edge only; a limb that
+    enters a frame of 800 pixels over 95 % of one line belongs to a disk of more than 70 000 px radius."""
+    corners = {image[y, x] for y in (0, -1) for x in (0, -1)}
+    for value in corners:
+        other = image != value
+        lines, columns = (np.flatnonzero(other.any(axis=axis)) for axis in (1, 0))
+        if not lines.size:
+            continue
+        top, bottom, left, right = int(lines[0]), int(lines[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
+        if (bottom - top, right - left) == image.shape or min(bottom - top, right - left) < MIN_WIDTH_PX:
+            continue
+        inner = image[top:bottom, left:right]
+        edges = [
+            edge
+            for at_frame, edge in (
+                (top == 0, inner[0]),
+                (bottom == len(image), inner[-1]),
+                (left == 0, inner[:, 0]),
+                (right == image.shape[1], inner[:, -1]),
+            )
+            if not at_frame
+        ]
+        is_noisy = any(_is_noisy(edge, _Run(0, 1, 0, edge.size, float(value))) for edge in edges)
+        if is_noisy and all(float(np.mean(edge == value)) <= WINDOW_EDGE_SHARE for edge in edges):
+            return slice(top, bottom), slice(left, right)
+    return None
 
 
 def _whole_lines(image: NDArray) -> list[_Run]:

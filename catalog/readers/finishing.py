@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
+from catalog.image_mode import ImageMode
 from catalog.observation import UNUSABLE, Frame, Observation, Quality
 from catalog.pose import PartialPose
 from catalog.readers.filling import filled
+from catalog.readers.modes import in_whole_frame, mode_of, remarks_of_mode
 from catalog.readers.names import camera_of_names, target_of_label
 from catalog.readers.noise import completed_noise, measured_noise, modelled_noise
 from catalog.readers.overruled import overruled_label, reminder
 from catalog.readers.reading import Reading
+from catalog.reasons import Reason
 from catalog.safe_name import safe_product_name
 from catalog.target import find_target, is_target_file
 
@@ -26,8 +29,14 @@ MIN_STEPS = 255  # that 8-bit pictures have
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
 
-def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, target_name: str | None) -> Frame:
-    """The Frame of a reading; `camera_name` and `target_name` override the label's."""
+def frame_of_reading(
+    path: Path,
+    reading: Reading,
+    camera_name: str | None,
+    target_name: str | None,
+    given_mode: ImageMode | None = None,
+) -> Frame:
+    """The Frame of a reading; `camera_name`, `target_name` and `given_mode` override the label's."""
     name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
     camera = find_camera(name) if name else None
     if target_name and is_target_file(target_name):
@@ -35,10 +44,13 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
     target = target_of_label(target_name) if target_name else reading.target
     same_target = target_name is None or target == reading.target
     overruled = overruled_label(reading, camera if camera_name else None, target if target_name else None)
+    reading = _without_filling(reading if camera is None else _in_its_units(reading, camera))
+    mode, undistorted = given_mode or _stated(reading), bool(reading.undistorted)
     if camera is not None:
-        _check_size(path, reading, camera, overruled)
-        reading = _in_its_units(reading, camera)
-    reading = _without_filling(reading)
+        undistorted = _undistorted(reading, camera)
+        mode = mode_of(path, reading, camera, given_mode, reminder(overruled))
+        reading = in_whole_frame(reading, mode, camera)
+        camera = camera.summed(mode.summing)
     return Frame(
         product=safe_product_name(path.stem),
         path=path,
@@ -50,24 +62,26 @@ def frame_of_reading(path: Path, reading: Reading, camera_name: str | None, targ
         et=reading.time.et,
         exposure_s=reading.exposure_s,
         filter=reading.filter,
-        undistorted=_undistorted(reading, camera),
+        undistorted=undistorted,
+        mode=mode,
+        sources=_sources(reading, camera_name, target_name),
         label_pose=reading.label_pose if same_target else _without_target(reading.label_pose),
         label_geometry=reading.label_geometry if same_target else None,
         label=reading.label,
         overruled=overruled,
-        warnings=(*reading.time.told, *reading.told),
+        warnings=(*reading.time.contradictions, *reading.remarks, *remarks_of_mode(mode, reading)),
         unclear=_unclear(reading, target),
     )
 
 
 def _without_filling(reading: Reading) -> Reading:
-    """The reading with filled pixels MISSING, and told. Formats whose readers know their filling keep theirs."""
+    """The reading with filled pixels MISSING, and a remark. Formats whose readers know their filling keep theirs."""
     quality = np.zeros(reading.image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
     filling = filled(reading.image, (quality & UNUSABLE) != 0)
-    if not filling.told:
+    if not filling.sentences:
         return reading
     quality[filling.mask] |= np.uint16(Quality.MISSING)
-    return replace(reading, quality=quality, told=(*reading.told, *filling.told))
+    return replace(reading, quality=quality, remarks=(*reading.remarks, *filling.sentences))
 
 
 def _unclear(reading: Reading, target: str | None) -> dict[str, str]:
@@ -87,16 +101,17 @@ def _without_target(pose: PartialPose) -> PartialPose:
     return PartialPose(et=pose.et, camera_from_j2000=pose.camera_from_j2000)
 
 
-def _check_size(path: Path, reading: Reading, camera: Camera, overruled: tuple[str, ...]) -> None:
-    lines, samples = reading.image.shape
-    if (samples, lines) not in (camera.detector_size_px, camera.size_px):
-        allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((camera.detector_size_px, camera.size_px)))
-        raise RefusedError(
-            "frame-size",
-            f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
-            reminder(overruled)
-            + "Give a full, unbinned frame; a summed or cut mode is a camera of its own: give its --camera FILE.toml.",
-        )
+def _stated(reading: Reading) -> ImageMode:
+    """The mode that the label states, of a camera that is not known."""
+    stated = reading.stated
+    return ImageMode(stated.summing or 1, stated.window, stated.source)
+
+
+def _sources(reading: Reading, camera_name: str | None, target_name: str | None) -> dict[str, str]:
+    """Where each known value came from: keywords of the label, or options."""
+    given = {"camera": "--camera" if camera_name else "", "target": "--target" if target_name else ""}
+    time = {"time": reading.time.source} if reading.time.source else {}
+    return {**time, **reading.sources, **{what: option for what, option in given.items() if option}}
 
 
 def _in_its_units(reading: Reading, camera: Camera) -> Reading:
@@ -109,10 +124,10 @@ def _in_its_units(reading: Reading, camera: Camera) -> Reading:
     return replace(reading, raw_dn=False) if beyond else reading
 
 
-def _undistorted(reading: Reading, camera: Camera | None) -> bool:
+def _undistorted(reading: Reading, camera: Camera) -> bool:
     """As the file says; else by its size, where the camera's undistorted frame has another than its detector."""
-    if reading.undistorted is not None or camera is None:
-        return bool(reading.undistorted)
+    if reading.undistorted is not None:
+        return reading.undistorted
     size = (reading.image.shape[1], reading.image.shape[0])
     return size == camera.size_px and size != camera.detector_size_px
 
@@ -131,7 +146,7 @@ def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observa
     if usable < min(MIN_USABLE_PX, image.size / 2):
         fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
         raise RefusedError(
-            "no-usable-pixels",
+            Reason.NO_USABLE_PIXELS,
             f"{fault}not a number or filled: {_shares(quality)}.",
             "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
         )
@@ -149,7 +164,7 @@ def _check_steps(path: Path, image: NDArray, sound: NDArray[np.bool_]) -> None:
     if 0 < highest - lowest < MIN_STEPS * step:
         fault = f"image {path}: its numbers, {lowest:g} to {highest:g}, are further from zero than apart: "
         remedy = "Subtract a constant from its pixels, so that the sky is near zero."
-        raise RefusedError("image-precision", f"{fault}in single precision they have steps of {step:g}.", remedy)
+        raise RefusedError(Reason.IMAGE_PRECISION, f"{fault}in single precision they have steps of {step:g}.", remedy)
 
 
 def _shares(quality: NDArray[np.uint16]) -> str:
@@ -169,8 +184,10 @@ def _saturation(reading: Reading, camera: Camera | None) -> float | None:
 def _noise(
     reading: Reading, camera: Camera | None, image: NDArray[np.float32], quality: NDArray[np.uint16]
 ) -> NDArray[np.float32]:
-    """The file's own noise; else the camera's model for its raw data numbers; else measured from the image."""
-    if reading.noise is None and reading.raw_dn and camera is not None and "noise" in camera.model_fields_set:
+    """The file's own noise; else the camera's model for its raw data numbers; else, and where pixels are summed,
+    measured from the image."""
+    modelled = camera is not None and camera.summing == 1 and "noise" in camera.model_fields_set
+    if reading.noise is None and reading.raw_dn and camera is not None and modelled:
         return modelled_noise(image, camera.noise)
     measured = measured_noise(image, (quality & UNUSABLE) == 0, reading.image.dtype.kind in "iu")
     return measured if reading.noise is None else completed_noise(reading.noise, measured)

@@ -22,6 +22,7 @@ SCALES = {
 ELSEWHERE = ("BARYCENT", "HELIOCEN", "EMBARYCE")  # TREFPOS: where light arrived minutes before or after the camera
 DATES: dict[str, tuple[Place, tuple[str, ...]]] = {  # keyword: what it is of, and where its time of day may be
     "DATE-AVG": ("middle", ("TIME-AVG",)),
+    "SPCUTCAL": ("middle", ()),  # New Horizons
     "DATE-MID": ("middle", ("TIME-MID", "UTMIDDLE")),
     "DATE-BEG": ("start", ("TIME-BEG", "UTSTART")),
     "DATE-END": ("end", ("TIME-END", "UTEND", "UTSTOP")),

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 from catalog.observation import Quality
 from catalog.readers.exposure_time import claim, exposure_time
 from catalog.readers.gaps import zero_filled
-from catalog.readers.label_values import number, plain_label
+from catalog.readers.label_values import number, plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading
+from catalog.readers.stated_mode import stated_mode
 
+FRAME, SUMMED = (800, 800), (400, 400)
+SOURCES = {"camera": "MISSION and SENSOR", "target": "TARGET", "exposure_s": "EXP", "filter": "FILTER", "gain": "GAIN"}
 FILTERS = ("CLEAR", "GREEN", "RED", "VIOLET", "IR-7560", "IR-9680", "IR-7270", "IR-8890")
 SCALARS = {  # ours: (keyword of the label, factor, constant)
     "distance_km": ("TARGET_CENTER_DISTANCE", 1.0, 0.0),
@@ -39,7 +42,10 @@ def matches(label: dict[str, Any]) -> bool:
 
 
 def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:  # noqa: ARG001
-    """Pixels and metadata. The 2x2-summed modes (400x400) are refused later, by their size."""
+    """Pixels and metadata; of a 2x2-summed frame, which some files hold in a corner of 800x800, that corner."""
+    stated = stated_mode(label)
+    if stated.summing == 2 and pixels.shape == FRAME and not _beyond(pixels, SUMMED).any():
+        pixels = pixels[: SUMMED[0], : SUMMED[1]]
     exposure_ms = number(label, "EXP")
     filter_number = number(label, "FILTER")
     return Reading(
@@ -53,8 +59,16 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
         filter=FILTERS[int(filter_number)] if filter_number is not None and 0 <= filter_number < 8 else None,
         raw_dn=pixels.dtype == np.uint8,
         label_geometry=_geometry(label),
+        stated=stated,
+        gain=text(label, "GAIN"),
+        sources=SOURCES | ({"mode": stated.source} if stated.source else {}),
         label=plain_label(label),
     )
+
+
+def _beyond(pixels: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    """All pixels below or to the right of a corner of `size` (lines, samples)."""
+    return np.concatenate([pixels[size[0] :].ravel(), pixels[: size[0], size[1] :].ravel()])
 
 
 def _time(label: dict[str, Any]) -> str | None:

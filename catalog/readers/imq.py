@@ -33,7 +33,7 @@ class ImqReader:
         length = int.from_bytes(head[:2], "little")
         return 0 < length < 256 and (head[2:10] == b"CCSD3ZF0" or (head[2:7] == b"NJPL1"))
 
-    def read(self, path: Path) -> Reading:
+    def read(self, path: Path, plane: str | None = None) -> Reading:  # noqa: ARG002
         """Pixels, checked against the histogram that the file carries, and the label's metadata."""
         records = _records(path)
         label = _label(path, records)
@@ -51,6 +51,8 @@ class ImqReader:
             filter=text(label, "FILTER_NAME"),
             raw_dn=True,
             undistorted=False,
+            gain=text(label, "GAIN_MODE_ID"),
+            sources={"camera": "INSTRUMENT_NAME", "target": "TARGET_NAME", "exposure_s": "EXPOSURE_DURATION"},
             label=plain_label(label),
         )
 

@@ -17,6 +17,7 @@ from catalog.readers.exposure_time import ExposureTime, TimeClaim, checked, clai
 from catalog.readers.label_values import number, plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading, unreadable
+from catalog.readers.stated_mode import UNSTATED, StatedMode, stated_mode
 
 CAMERA_FROM_NH_LORRI = ((1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
 """+X sample = +X of the instrument (increasing columns), +Y line = -Y (rows reversed), +Z boresight = -Z: the figures
@@ -38,7 +39,7 @@ def matches(header: dict[str, Any]) -> bool:
 
 
 def reading(path: Path, header: dict[str, Any], image: NDArray[Any], extensions: dict[str, NDArray[Any]]) -> Reading:
-    """Pixels, pose and metadata. 4x4-binned and windowed frames are refused later, by their size."""
+    """Pixels, pose and metadata; FORMAT or SFORMAT says whether pixels are summed 4x4."""
     flags = next((plane for name, plane in extensions.items() if "QUALITY" in name), None)
     errors = next((plane for name, plane in extensions.items() if "ERROR" in name), None)
     exposure_s = number(header, "EXPTIME")
@@ -52,6 +53,8 @@ def reading(path: Path, header: dict[str, Any], image: NDArray[Any], extensions:
         time=_time(header),
         exposure_s=exposure_s,
         raw_dn=True,
+        stated=_mode(header),
+        sources={"camera": "HOSTNAME and INSTRU", "target": "SPCCBTNM or TARGET", "exposure_s": "EXPTIME"},
         label_pose=_pose(path, header),
         flags_from="its extension of quality flags",
         label=plain_label({**header, "ROWS_REVERSED_BY_READER": True}),
@@ -65,6 +68,13 @@ def _time(header: dict[str, Any]) -> ExposureTime:
     for keyword in ("SPCUTCAL", "SPCUTCID"):
         claims += claim(keyword, text(header, keyword), "middle")
     return exposure_time(claims, {"EXPTIME": number(header, "EXPTIME")})
+
+
+def _mode(header: dict[str, Any]) -> StatedMode:
+    stated = stated_mode(header)
+    if stated.summing is None and number(header, "FORMAT") == 1:
+        return StatedMode(summing=4, source="FORMAT")
+    return stated if stated.summing != 1 else UNSTATED
 
 
 def _quality(flags: NDArray[Any]) -> NDArray[np.uint16]:

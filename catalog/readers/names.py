@@ -7,7 +7,7 @@ from typing import Any
 
 from catalog.camera import known_cameras
 from catalog.readers.label_values import items
-from catalog.target import known_targets, target_names
+from catalog.target import target_names
 
 HOST_KEYS = (
     "INSTRUMENT_HOST_NAME",
@@ -19,8 +19,26 @@ HOST_KEYS = (
     "TELESCOP",
 )
 INSTRUMENT_KEYS = ("INSTRUMENT_ID", "INSTRUMENT_NAME", "SENSOR", "INSTRUME", "INSTRU")
-CUT_OFF_LENGTH = 8
-NO_TARGET = {"", "N/A", "UNK", "UNKNOWN", "NULL", "NONE", "SKY", "DARK", "CAL", "CALIBRATION", "STAR", "---"}
+SHORTEST_CUT_OFF = 6  # characters: labels have room for 8 to 12
+RINGS = re.compile(r"(?:([jsun])|(.+?))[ _-]*rings?|rings?[ _]of[ _](.+)")
+PLANET_LETTERS = {"j": "jupiter", "s": "saturn", "u": "uranus", "n": "neptune"}  # in Voyager's labels
+NO_TARGET = {
+    "",
+    "N/A",
+    "UNK",
+    "UNKNOWN",
+    "NULL",
+    "NONE",
+    "SKY",
+    "DARK",
+    "CAL",
+    "CALIBRATION",
+    "STAR",
+    "STARS",
+    "---",
+    "?",
+    "N-A",
+}
 
 
 def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
@@ -33,7 +51,8 @@ def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def camera_of_names(names: Iterable[str]) -> str | None:
-    """The catalog camera one of whose `label_names` is among `names` (upper-case, runs of blanks count as one)."""
+    """The catalog camera one of whose `label_names` is among `names`, in any case; runs of blanks, hyphens and
+    underscores count as one blank."""
     found = {_normal(name) for name in names}
     for camera in known_cameras().values():
         if found & {_normal(name) for name in camera.label_names}:
@@ -42,28 +61,40 @@ def camera_of_names(names: Iterable[str]) -> str | None:
 
 
 def _normal(name: str) -> str:
-    return re.sub(r"\s+", " ", name.strip().upper())
+    return re.sub(r"[\s_-]+", " ", name.strip().upper())
 
 
 def target_of_label(name: Any) -> str | None:
     """Catalog name of the label's target; the lower-case spelling itself when the catalog does not have the body."""
-    text = str(name if name is not None else "").strip()
+    text = re.sub(r"[\s_]+", " ", str(name if name is not None else "").strip(" \t\r\n'\"*?!"))
     if text.upper() in NO_TARGET:
         return None
-    return _full_name(text.lower())
+    return _full_name(_planet_of_rings(text.lower()))
+
+
+def _planet_of_rings(name: str) -> str:
+    """The planet of a label that names its rings (S RINGS, RINGS OF SATURN); other names as they are."""
+    match = RINGS.fullmatch(name)
+    if match is None:
+        return name
+    letter, before, after = match.groups()
+    return PLANET_LETTERS[letter] if letter else str(before or after)
 
 
 def targets_of_label(value: Any) -> tuple[str, ...]:
-    """Catalog names of all targets that a label's value names: a word, a sequence, a set, or words with commas."""
+    """Catalog names of all targets that a label's value names: a word, a sequence, a set, or words with commas. A
+    planet's rings mean the planet where nothing else is named."""
     parts = [part for item in items(value) for part in ([item] if _is_one_name(item) else re.split(r"[,;]", str(item)))]
-    named = (target_of_label(str(part).strip(" ()'\"{}") if part is not None else None) for part in parts)
+    words = [str(part).strip(" ()'\"{}") for part in parts if part is not None]
+    bodies = [word for word in words if not RINGS.fullmatch(word.lower()) and target_of_label(word) is not None]
+    named = (target_of_label(word) for word in bodies or words)
     return tuple(dict.fromkeys(name for name in named if name is not None))
 
 
 def sole_target(names: Iterable[str]) -> str | None:
     """The only one of a label's targets, or the only one of several that the catalog knows."""
     all_names = list(names)
-    known = [name for name in all_names if name in known_targets()] if len(all_names) > 1 else all_names
+    known = [name for name in all_names if name in target_names()] if len(all_names) > 1 else all_names
     return known[0] if len(known) == 1 else None
 
 
@@ -72,9 +103,9 @@ def _is_one_name(item: Any) -> bool:
 
 
 def _full_name(name: str) -> str:
-    """Catalog name of a spelling; Voyager's labels cut names off after eight characters (ENCELADU)."""
+    """Catalog name of a spelling; labels cut names off where their room ends (ENCELADU of Voyager)."""
     names = target_names()
-    if name in names or len(name) != CUT_OFF_LENGTH:
+    if name in names or len(name) < SHORTEST_CUT_OFF:
         return names.get(name, name)
     meant = {target for spelling, target in names.items() if spelling.startswith(name)}
     return meant.pop() if len(meant) == 1 else name

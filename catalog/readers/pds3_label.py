@@ -4,8 +4,8 @@ from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
+from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.detached import label_beside
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.regular_file import read_regular
 
 

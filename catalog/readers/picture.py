@@ -1,4 +1,7 @@
-"""Reader of grey PNG pictures (1 to 16 bit). They bring no metadata. TIFF: `catalog.readers.tiff`."""
+"""Reader of PNG (1 to 16 bit) and JPEG pictures. They bring no metadata. Colours become grey, with a remark.
+
+TIFF: `catalog.readers.tiff`.
+"""
 
 import struct
 import warnings
@@ -9,58 +12,108 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.observation import Quality
+from catalog.readers.bands import chosen_plane
+from catalog.readers.grey import grey_of_colours
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
-from catalog.regular_file import open_regular
+from catalog.reasons import Reason
+from catalog.regular_file import open_regular, read_regular
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 MAX_CHUNKS, CHUNK_FRAME_BYTES = 50_000, 12
+JPEG_MAGIC = b"\xff\xd8\xff"
 GREY_MODES = ("1", "L", "I", "I;16", "I;16L", "I;16B", "I;16N")
-NAMES = {"LA": "grey with transparency", "P": "palette", "RGB": "red, green, blue", "RGBA": "colours, transparency"}
+COLOUR_MODES = ("LA", "P", "RGB", "RGBA", "PA", "La")
 DEPTH_BYTE = 24  # of IHDR: bits per sample
+LOSSY = "a JPEG is compressed with losses of some data numbers, more beside edges: give the original where there is one"
 DAMAGE = (OSError, ValueError, TypeError, LookupError, SyntaxError, ArithmeticError, AttributeError, EOFError)
 """What Pillow raises for damaged files, beside struct.error."""
 
 
 class PictureReader:
-    """PNG, by Pillow."""
+    """PNG and JPEG, by Pillow; PNG of colours of 16 bit by GDAL, for Pillow has only 8 of them."""
 
     def recognises(self, head: bytes, path: Path) -> bool:  # noqa: ARG002
-        """PNG begins with fixed bytes."""
-        return head.startswith(PNG_MAGIC)
+        """Both begin with fixed bytes."""
+        return head.startswith((PNG_MAGIC, JPEG_MAGIC))
 
-    def read(self, path: Path) -> Reading:
-        """Pixels of a grey picture. Raises RefusedError for colour, several pages, bombs and damage."""
+    def read(self, path: Path, plane: str | None = None) -> Reading:
+        """Pixels of a grey picture. Raises RefusedError for several pages, bombs and damage."""
         from PIL import Image
 
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 _check_chunks_of_png(path)
-                with open_regular(path) as file, Image.open(file, formats=("PNG",)) as picture:
-                    pixels = _grey_pixels(path, picture)
+                with open_regular(path) as file, Image.open(file, formats=("PNG", "JPEG")) as picture:
+                    is_lossy = picture.format != "PNG"
+                    pixels, quality, remarks = _pixels(path, picture, plane)
         except Image.DecompressionBombError as error:
             remedy = f"Frames up to {MAX_PIXELS} pixels are read; cut the picture."
-            raise RefusedError("image-too-large", f"image {path}: {error}", remedy) from error
+            raise RefusedError(Reason.IMAGE_TOO_LARGE, f"image {path}: {error}", remedy) from error
         except (*DAMAGE, struct.error) as error:
             raise unreadable(path, f"no sound picture ({error})") from error
-        return Reading(format="picture", image=pixels, raw_dn=pixels.dtype.kind in "iu")
+        return Reading(
+            format="picture",
+            image=pixels,
+            quality=quality,
+            raw_dn=pixels.dtype.kind in "iu",
+            remarks=(*remarks, *([LOSSY] if is_lossy else [])),
+            flags_from="its transparency",
+        )
+
+
+def _pixels(
+    path: Path, picture: Any, plane: str | None
+) -> tuple[NDArray[Any], NDArray[np.uint16] | None, tuple[str, ...]]:
+    """One picture, MISSING where it is transparent, and remarks."""
+    checked_shape(path, picture.height, picture.width)
+    if _has_second_page(picture):
+        raise RefusedError(Reason.IMAGE_NOT_2D, f"image {path}: it has several pages.", "Give one picture.")
+    if picture.mode in GREY_MODES:
+        if plane is not None:
+            chosen_plane(path, ["grey"], plane)
+        return _grey_pixels(path, picture), None, ()
+    if picture.mode not in COLOUR_MODES:
+        fault = f"image {path}: a picture of mode {picture.mode} is neither grey nor red, green, blue."
+        raise RefusedError(Reason.IMAGE_COLOUR, fault, "Give one grey channel, 8 or 16 bit, or a TIFF.")
+    channels = _deep_colours(path) if _is_deep(path) else np.asarray(picture.convert("RGBA"))
+    opaque = channels[..., -1] > 0 if channels.shape[2] in (2, 4) else None
+    colours = channels[..., : channels.shape[2] - (opaque is not None)]
+    names = ("grey",) if colours.shape[2] == 1 else ("red", "green", "blue")
+    grey, remarks = grey_of_colours(path, colours, plane, names)
+    hidden = None if opaque is None or opaque.all() else np.where(opaque, 0, int(Quality.MISSING)).astype(np.uint16)
+    return grey, hidden, remarks
+
+
+def _is_deep(path: Path) -> bool:
+    """Whether a PNG has 16 bits per sample."""
+    with open_regular(path) as file:
+        head = file.read(DEPTH_BYTE + 1)
+    return head.startswith(PNG_MAGIC) and len(head) > DEPTH_BYTE and head[DEPTH_BYTE] == 16
+
+
+def _deep_colours(path: Path) -> NDArray[Any]:
+    """All channels (ny, nx, bands) of a PNG of 16 bit, by GDAL."""
+    from rasterio._err import CPLE_BaseError
+    from rasterio.errors import RasterioError
+    from rasterio.io import MemoryFile
+
+    try:
+        with MemoryFile(read_regular(path)) as file, file.open(driver="PNG") as picture:
+            checked_shape(path, picture.height, picture.width)
+            return np.moveaxis(picture.read(), 0, -1)
+    except (RasterioError, CPLE_BaseError) as error:
+        raise ValueError(" ".join(str(error).split())) from error
 
 
 def _grey_pixels(path: Path, picture: Any) -> NDArray[Any]:
-    checked_shape(path, picture.height, picture.width)
-    if picture.mode not in GREY_MODES:
-        raise RefusedError(
-            "image-colour",
-            f"image {path}: a PNG of mode {picture.mode} ({NAMES.get(picture.mode, 'colours')}) mixes exposures.",
-            "Give one grey channel, 8 or 16 bit, or a TIFF.",
-        )
-    if _has_second_page(picture):
-        raise RefusedError("image-not-2d", f"image {path}: it has several pages.", "Give one picture.")
     pixels = np.asarray(picture)
     if pixels.dtype == bool:
         return pixels.astype(np.uint8)
-    with path.open("rb") as file:
-        depth = file.read(DEPTH_BYTE + 1)[DEPTH_BYTE]
+    with open_regular(path) as file:
+        head = file.read(DEPTH_BYTE + 1)
+    depth = head[DEPTH_BYTE] if head.startswith(PNG_MAGIC) else 8
     return pixels // (255 // ((1 << depth) - 1)) if depth in (2, 4) else pixels  # Pillow stretches them to 255
 
 

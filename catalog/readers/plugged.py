@@ -30,8 +30,9 @@ class PluggedReader:
             logger.warning("planetpose: %s", error.reason)
             return False
 
-    def read(self, path: Path) -> Reading:
-        """The file as the plugin reads it. Raises RefusedError when the plugin fails, or gives no picture."""
+    def read(self, path: Path, plane: str | None = None) -> Reading:
+        """The file as the plugin reads it, which chooses the plane. Raises RefusedError when the plugin fails,
+        or gives no picture."""
         with self.plugin.guarded(f"cannot read image {path}"):
             reading = self.reader.read(path)
             if not isinstance(reading, Reading):

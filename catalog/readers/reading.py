@@ -12,6 +12,8 @@ from catalog.flips import Flip, flipped
 from catalog.pose import PartialPose
 from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
 from catalog.readers.names import sole_target
+from catalog.readers.stated_mode import UNSTATED, StatedMode
+from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
 MAX_SIDE_PX = 20_000
@@ -28,8 +30,8 @@ class Reading:
     flags. noise: 1-sigma (ny, nx) when the file carries it. instrument_names: every "HOST/INSTRUMENT" spelling that the
     label gives, compared with `Camera.label_names`. raw_dn: values are the camera's own data numbers, so that the
     camera's noise model and saturation level apply. undistorted: None leaves it to the frame's size. targets: all that
-    the label names. told: what the user ought to know of how the file was read, a sentence each. flags_from: whose
-    `quality` is.
+    the label names. remarks: what the user ought to know of how the file was read, a sentence each. flags_from: whose
+    `quality` is. stated: the mode that the label states. sources: where each value came from, by its name here.
     """
 
     format: str
@@ -47,8 +49,11 @@ class Reading:
     label_pose: PartialPose = field(default_factory=PartialPose)
     label_geometry: dict[str, float] | None = None
     label: dict[str, Any] = field(default_factory=dict)
-    told: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
     flags_from: str = "the flags of its format"
+    gain: str | None = None
+    stated: StatedMode = UNSTATED
+    sources: dict[str, str] = field(default_factory=dict)
 
     @property
     def target(self) -> str | None:
@@ -67,13 +72,14 @@ class Reader(Protocol):
     def recognises(self, head: bytes, path: Path) -> bool:
         """Whether the file's first bytes are of this format; its name does not count."""
 
-    def read(self, path: Path) -> Reading:
-        """Read the whole file. Raises RefusedError naming the file, the fault and the remedy."""
+    def read(self, path: Path, plane: str | None = None) -> Reading:
+        """Read the whole file. plane: number (from 1) or name of the one that is meant, of several. Raises
+        RefusedError naming the file, the fault and the remedy."""
 
 
 def unreadable(path: Path, fault: str, remedy: str = "Fetch the file again from its archive.") -> RefusedError:
     """The refusal of a damaged or inconsistent file."""
-    return RefusedError("image-unreadable", f"image {path}: {fault}.", remedy)
+    return RefusedError(Reason.IMAGE_UNREADABLE, f"image {path}: {fault}.", remedy)
 
 
 def checked_shape(path: Path, lines: int, samples: int) -> tuple[int, int]:
@@ -82,7 +88,7 @@ def checked_shape(path: Path, lines: int, samples: int) -> tuple[int, int]:
         raise unreadable(path, f"its label gives {samples} samples by {lines} lines")
     if max(lines, samples) > MAX_SIDE_PX or lines * samples > MAX_PIXELS:
         raise RefusedError(
-            "image-too-large",
+            Reason.IMAGE_TOO_LARGE,
             f"image {path}: {samples} samples by {lines} lines is more than a camera frame has.",
             f"Frames up to {MAX_SIDE_PX} pixels a side and {MAX_PIXELS} pixels in all are read; cut the picture.",
         )

@@ -1,8 +1,9 @@
-"""Reader of grey TIFF pictures of every depth and layout, by GDAL: Pillow wraps 32-bit numbers and inverts.
+"""Reader of TIFF pictures of every depth and layout, by GDAL: Pillow wraps 32-bit numbers and inverts.
 
 The numbers are the file's: 1 to 64 bits, signed, unsigned or floating, whatever byte order, compression, strips or
-tiles. Where the file says that zero is white, brightness is the largest number minus the file's. Pixels of strips that
-were never written, and of GDAL's no-data value, are MISSING.
+tiles. Red, green and blue become grey, with a remark; of other bands one has to be named. Where the file says that zero
+is white, brightness is the largest number minus the file's. Pixels of strips that were never written, and of GDAL's no-
+data value, are MISSING.
 """
 
 import struct
@@ -17,7 +18,10 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.observation import Quality
-from catalog.readers.reading import Reading, checked_shape, unreadable
+from catalog.readers.bands import chosen_plane
+from catalog.readers.grey import grey_of_colours
+from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular
 
 MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -29,6 +33,7 @@ WHITE_IS_ZERO, PALETTE = 0, 3
 MAX_TAGS = 4000
 MAX_BLOCKS = 1_000_000
 MAX_DIRECTORIES = 50
+MAX_BANDS = 1000
 
 
 class TiffReader:
@@ -38,8 +43,8 @@ class TiffReader:
         """The byte order, and 42 or 43."""
         return head.startswith(MAGIC)
 
-    def read(self, path: Path) -> Reading:
-        """Pixels of a grey picture. Raises RefusedError for colour, several bands or pages, and damage."""
+    def read(self, path: Path, plane: str | None = None) -> Reading:
+        """Pixels of one grey picture. Raises RefusedError for several bands or pages, and damage."""
         from rasterio._err import CPLE_BaseError  # what properties of a damaged file raise
         from rasterio.errors import RasterioError
         from rasterio.io import MemoryFile
@@ -50,7 +55,7 @@ class TiffReader:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 with MemoryFile(content) as file, file.open(driver="GTiff") as picture:
-                    pixels, quality = _grey_pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1))
+                    pixels, quality, remarks = _pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1), plane)
         except (RasterioError, CPLE_BaseError, OSError, ValueError, TypeError, LookupError, ArithmeticError) as error:
             raise unreadable(path, f"no sound TIFF ({' '.join(str(error).split())})") from error
         turn = tags.get(ORIENTATION_TAG, 1)
@@ -59,26 +64,50 @@ class TiffReader:
             image=_upright(pixels, turn),
             quality=_upright(quality, turn),
             raw_dn=pixels.dtype.kind in "iu",
+            remarks=remarks,
         )
 
 
-def _grey_pixels(path: Path, picture: Any, photometric: int) -> tuple[NDArray[Any], NDArray[np.uint16]]:
+def _pixels(
+    path: Path, picture: Any, photometric: int, plane: str | None
+) -> tuple[NDArray[Any], NDArray[np.uint16], tuple[str, ...]]:
+    """One picture, its flags, and remarks."""
     checked_shape(path, picture.height, picture.width)
-    kind = str(picture.dtypes[0])
-    tags = picture.tags(ns="IMAGE_STRUCTURE") | picture.tags(1, ns="IMAGE_STRUCTURE")
-    white_is_zero = photometric == WHITE_IS_ZERO
+    if picture.count > MAX_BANDS:
+        raise unreadable(path, f"it has {picture.count} bands")
     roles = [role.name for role in picture.colorinterp]
-    if picture.count != 1 or photometric == PALETTE:
-        found = f"bands {', '.join(roles)}" if picture.count > 1 else "colours of a palette"
-        fault = f"image {path}: a TIFF of {picture.count} bands, {kind} ({found}), mixes exposures."
-        raise RefusedError("image-colour", fault, REMEDY_GREY)
+    bands = [number for number, role in enumerate(roles, 1) if role != "alpha"]
+    names = [roles[band - 1] if roles[band - 1] not in ("undefined", "gray") else "" for band in bands]
+    names = [picture.descriptions[band - 1] or name for band, name in zip(bands, names, strict=True)]
+    is_colour = [roles[band - 1] for band in bands] == ["red", "green", "blue"]
+    kinds = {np.dtype(picture.dtypes[band - 1]).kind for band in bands}
+    if (
+        is_colour
+        and plane is None
+        and kinds <= set("iuf")
+        and picture.count * picture.width * picture.height <= MAX_PIXELS
+    ):
+        parts = [_grey_pixels(path, picture, photometric, band) for band in bands]
+        grey, remarks = grey_of_colours(path, np.stack([pixels for pixels, _ in parts], axis=-1), None, names)
+        return grey, np.bitwise_or.reduce([quality for _, quality in parts]), remarks
+    band = bands[chosen_plane(path, names, plane)] if bands else 1
+    return *_grey_pixels(path, picture, photometric, band), ()
+
+
+def _grey_pixels(path: Path, picture: Any, photometric: int, band: int) -> tuple[NDArray[Any], NDArray[np.uint16]]:
+    kind = str(picture.dtypes[band - 1])
+    tags = picture.tags(ns="IMAGE_STRUCTURE") | picture.tags(band, ns="IMAGE_STRUCTURE")
+    white_is_zero = photometric == WHITE_IS_ZERO
+    if photometric == PALETTE:
+        fault = f"image {path}: a TIFF of colours of a palette mixes exposures."
+        raise RefusedError(Reason.IMAGE_COLOUR, fault, REMEDY_GREY)
     if np.dtype(kind).kind not in "iuf" or (white_is_zero and np.dtype(kind).kind != "u"):
         zero = " whose zero is white" if white_is_zero else ""
         raise RefusedError(
-            "image-colour", f"image {path}: TIFF numbers of type {kind}{zero} are not read.", REMEDY_GREY
+            Reason.IMAGE_COLOUR, f"image {path}: TIFF numbers of type {kind}{zero} are not read.", REMEDY_GREY
         )
-    pixels = picture.read(1)
-    missing = _never_written(path, picture)
+    pixels = picture.read(band)
+    missing = _never_written(path, picture, band)
     if picture.nodata is not None:
         missing |= pixels == picture.nodata
     if white_is_zero:
@@ -87,7 +116,7 @@ def _grey_pixels(path: Path, picture: Any, photometric: int) -> tuple[NDArray[An
     return pixels, np.where(missing, Quality.MISSING, 0).astype(np.uint16)
 
 
-def _never_written(path: Path, picture: Any) -> NDArray[np.bool_]:
+def _never_written(path: Path, picture: Any, band: int) -> NDArray[np.bool_]:
     """Mask (ny, nx) of strips and tiles that the file has no bytes for, which GDAL reads as zeros."""
     missing = np.zeros((picture.height, picture.width), bool)
     high, wide = picture.block_shapes[0]
@@ -96,7 +125,7 @@ def _never_written(path: Path, picture: Any) -> NDArray[np.bool_]:
         raise unreadable(path, f"it has {rows * columns} strips or tiles")
     for row in range(rows):
         for column in range(columns):
-            if not int(picture.get_tag_item(f"BLOCK_OFFSET_{column}_{row}", "TIFF", bidx=1) or 0):
+            if not int(picture.get_tag_item(f"BLOCK_OFFSET_{column}_{row}", "TIFF", bidx=band) or 0):
                 missing[row * high : (row + 1) * high, column * wide : (column + 1) * wide] = True
     return missing
 
@@ -133,7 +162,7 @@ def _first_directory(path: Path, content: bytes) -> dict[int, int]:
     pages = [tags for tags in directories[1:] if not tags.get(SUBFILE_TAG, 0) & REDUCED_OR_MASK]
     if pages or len(directories) == MAX_DIRECTORIES:
         fault = f"image {path}: it has several pages ({len(pages) + 1} or more)."
-        raise RefusedError("image-not-2d", fault, "Give one picture.")
+        raise RefusedError(Reason.IMAGE_NOT_2D, fault, "Give one picture.")
     return directories[0] if directories else {}
 
 

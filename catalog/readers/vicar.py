@@ -30,7 +30,7 @@ class VicarReader:
         """A VICAR file begins with LBLSIZE=."""
         return LABEL_START.match(head) is not None
 
-    def read(self, path: Path) -> Reading:
+    def read(self, path: Path, plane: str | None = None) -> Reading:  # noqa: ARG002
         """Pixels and metadata of a VICAR image."""
         label, pixels = read_vicar(path)
         dialect = next(dialect for dialect in DIALECTS if dialect.matches(label))

@@ -5,7 +5,7 @@ rms-vicar parses the label; the pixels are cut out here, because it refuses the 
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.readers.pds3_image import lines_by_label
 from catalog.readers.reading import bytes_at, checked_shape, unreadable
 
 LABEL_START = re.compile(rb"LBLSIZE *= *(\d{1,9})\b")
@@ -46,6 +47,7 @@ def read_vicar(path: Path) -> tuple[dict[str, Any], NDArray[Any]]:
     text, label_bytes = _label_text(path, 0)
     label = _parsed(path, text)
     layout = _layout(path, label, label_bytes)
+    layout = _as_long_as(path, layout)
     pixels = _pixels(path, layout)
     end = layout.offset + layout.lines * layout.record_bytes
     continued = bool(_integer(path, label, "EOL", 0))
@@ -53,6 +55,17 @@ def read_vicar(path: Path) -> tuple[dict[str, Any], NDArray[Any]]:
     if continued:
         label = {**_extension(path, end), **label}
     return label, pixels
+
+
+def _as_long_as(path: Path, layout: VicarLayout) -> VicarLayout:
+    """The layout; of a file that ends before its last line, with the lines that the label beside it gives, if the file
+    ends with the last of them."""
+    size = path.stat().st_size
+    if layout.offset + layout.lines * layout.record_bytes <= size:
+        return layout
+    lines = lines_by_label(path)
+    whole = lines is not None and 0 < lines < layout.lines and layout.offset + lines * layout.record_bytes == size
+    return replace(layout, lines=lines) if whole and lines else layout
 
 
 def _check_end(path: Path, end: int, record_bytes: int, continued: bool) -> None:

@@ -16,7 +16,7 @@ from catalog.observation import Quality
 from catalog.readers.exposure_time import ExposureTime, claim, exposure_time
 from catalog.readers.gaps import border_zeros, zero_filled
 from catalog.readers.label_values import number, plain_label, text
-from catalog.readers.names import instrument_names, targets_of_label
+from catalog.readers.names import PLANET_LETTERS, instrument_names, targets_of_label
 from catalog.readers.pds3_label import detached_label
 from catalog.readers.reading import Reading
 
@@ -26,6 +26,8 @@ EXPOSURE = re.compile(r"\bEXP +(\d+(?:\.\d*)?) *MSEC")
 FILTER = re.compile(r"\bFILT +\d\(([^)]*)\)")
 SCET = re.compile(r"\bSCET +(\d{2})\.(\d{3}) +(\d{2}):(\d{2}):(\d{2})")
 PICNO = re.compile(r"\bPICNO +(\S+)")
+PICNO_PLANET = re.compile(r"\bPICNO +\d{4}([JSUN])\d[+-]\d{3}")
+GAIN = re.compile(r"\b(LO|HI) +GAIN\b")
 FDS = re.compile(r"\bFDS +(\d+\.\d+)")
 TARGET = re.compile(r"\bOUT/\S+ {1,5}([A-Z][A-Z_ ]{1,11}?) +DSS")
 OBJECT_SPACE = (1000, 1000)
@@ -47,19 +49,43 @@ def reading(path: Path, label: dict[str, Any], pixels: NDArray[Any]) -> Reading:
     flight, pds = flight_label(label), detached_label(path)
     exposure_s = _exposure_s(flight)
     undistorted = pixels.shape == OBJECT_SPACE
+    targets, target_source, remarks = _targets(flight, pds)
+    sources = {"camera": "the flight label", "target": target_source, "exposure_s": "EXP", "filter": "FILT"}
     return Reading(
         format="voyager-vicar",
         image=pixels,
         quality=_quality(pixels, undistorted),
         instrument_names=(*_instrument_names(flight), *instrument_names(pds)),
-        targets=targets_of_label(pds.get("TARGET_NAME")) or targets_of_label(_word(TARGET, flight)),
+        targets=targets,
         time=_time(flight, pds, exposure_s),
         exposure_s=exposure_s if exposure_s is not None else number(pds, "EXPOSURE_DURATION"),
         filter=_word(FILTER, flight) or text(pds, "FILTER_NAME"),
         raw_dn=pixels.dtype == np.uint8,
-        undistorted=undistorted,
+        undistorted=undistorted or None,
+        gain=_word(GAIN, flight) or text(pds, "GAIN_MODE_ID"),
+        remarks=remarks,
+        sources={what: source for what, source in sources.items() if source},
         label=plain_label({**pds, **label, "PICNO": _word(PICNO, flight), "FDS": _word(FDS, flight)}),
     )
+
+
+def _targets(flight: str, pds: dict[str, Any]) -> tuple[tuple[str, ...], str, tuple[str, ...]]:
+    """Targets, where they came from, and what contradicts them.
+
+    Where no label says anything of a target, it is the planet whose letter the picture number has; a label that says
+    that it has none is taken at its word."""
+    said, keyword = pds.get("TARGET_NAME"), "TARGET_NAME"
+    if not targets_of_label(said) and _word(TARGET, flight):
+        said, keyword = _word(TARGET, flight), "the flight label"
+    stated, picture, letter = targets_of_label(said), _word(PICNO, flight), PICNO_PLANET.search(flight)
+    if letter is None:
+        return stated, keyword if stated else "", ()
+    planet = PLANET_LETTERS[letter.group(1).lower()]
+    if said is None and keyword not in pds:
+        return (planet,), f"the planet's letter in PICNO {picture}", ()
+    others = [name for name in stated if name in PLANET_LETTERS.values() and name != planet]
+    remarks = [f"the label says target {name}, its picture number {picture} says {planet}" for name in others]
+    return stated, keyword if stated else "", tuple(remarks)
 
 
 def _word(pattern: re.Pattern[str], flight: str) -> str | None:

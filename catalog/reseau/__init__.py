@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import is_regular, read_regular_text
 
 RESEAU_FOLDER = Path(__file__).parent
@@ -49,7 +50,7 @@ def find_reseau_table(name_or_file: str) -> ReseauTable:
     if path is not None:
         return _table_in(path) if path.parent == RESEAU_FOLDER else read_reseau_table(path)
     raise RefusedError(
-        "reseau-table-unknown",
+        Reason.RESEAU_TABLE_UNKNOWN,
         f"reseau table {name_or_file!r} is neither in the catalog nor a file.",
         f"Known are {', '.join(reseau_table_names())}.",
     )
@@ -72,10 +73,10 @@ def read_reseau_table(path: Path) -> ReseauTable:
             raise ValueError("it is empty")
         values = np.array([line.split("\t") for line in lines[1:]], dtype=np.float64)
     except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise RefusedError("reseau-table-unreadable", f"reseau table {path}: {error}.", remedy) from error
+        raise RefusedError(Reason.RESEAU_TABLE_UNREADABLE, f"reseau table {path}: {error}.", remedy) from error
     columns_fit = lines[0].split("\t") == COLUMNS and values.ndim == 2 and values.shape[1] == len(COLUMNS)
     if not columns_fit or not np.isfinite(values).all():
-        raise RefusedError("reseau-table-invalid", f"reseau table {path} has other columns or gaps.", remedy)
+        raise RefusedError(Reason.RESEAU_TABLE_INVALID, f"reseau table {path} has other columns or gaps.", remedy)
     return ReseauTable(
         name=path.stem,
         index=values[:, 0].astype(np.int64),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular
 from catalog.reseau import ReseauTable
 
@@ -103,4 +104,4 @@ def _label_number(path: Path, label: bytes, key: bytes) -> int:
 
 
 def _refused(path: Path, fault: str) -> RefusedError:
-    return RefusedError("reseau-table-unreadable", f"reseau table {path}: {fault}.", REMEDY)
+    return RefusedError(Reason.RESEAU_TABLE_UNREADABLE, f"reseau table {path}: {fault}.", REMEDY)

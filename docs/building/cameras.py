@@ -65,6 +65,7 @@ def figures(camera: Camera) -> list[tuple[str, str]]:
         ("focal length, 1-sigma", f"{100 * camera.focal_length_sigma:.2g} %"),
         ("pixel", f"{pixel_urad(camera):.4f} µrad"),
         ("distortion model", code(camera.distortion.model)),
+        *plane(camera),
         ("PSF", f"Gaussian, sigma {camera.psf_sigma_px:g} px of the undistorted frame"),
         ("saturation", f"{camera.saturation_dn:g} DN" if camera.saturation_dn else "unknown"),
         ("NAIF", f"spacecraft {camera.naif_spacecraft_id}, instrument {camera.naif_instrument_id}"),
@@ -72,6 +73,22 @@ def figures(camera: Camera) -> list[tuple[str, str]]:
         ("instrument frame", code(camera.instrument_frame or "none")),
         ("+X sample, +Y line, +Z boresight are", axes(camera)),
     ]
+
+
+def plane(camera: Camera) -> list[tuple[str, str]]:
+    """The detector in the focal plane, and what changes the focal length, where the file has them."""
+    rows: list[tuple[str, str]] = []
+    if camera.focal_plane is not None:
+        place, (across, down) = camera.focal_plane, camera.focal_plane.mm_from_px
+        rows.append(("boresight on the detector", "({:g}, {:g}), 0-based".format(*place.origin_px)))
+        rows.append(("focal plane, mm per px", f"x = ({across[0]:g}, {across[1]:g}), y = ({down[0]:g}, {down[1]:g})"))
+    if camera.focal_length_mm_by_temperature:
+        powers = " + ".join(f"{value:g} T^{power}" for power, value in enumerate(camera.focal_length_mm_by_temperature))
+        rows.append(("focal length by temperature (degrees Celsius), mm", code(powers)))
+    lengths = {name: changed.get("focal_length_mm") for name, changed in camera.filters.items()}
+    if any(lengths.values()):
+        rows.append(("focal length by filter, mm", ", ".join(f"{name} {value:g}" for name, value in lengths.items())))
+    return rows
 
 
 def axes(camera: Camera) -> str:

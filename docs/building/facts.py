@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from building.commands import all_commands
-from flows.profile import known_profiles
+from tasks.profile import known_profiles
 
 
 def text_of(name: str) -> str:

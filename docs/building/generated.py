@@ -22,6 +22,7 @@ MAKERS: dict[str, Callable[[str], str]] = {
     "planes": targets.planes,
     "settings": settings.page,
     "targets": targets.table,
+    "further-targets": targets.further,
 }
 
 

@@ -2,7 +2,7 @@
 
 from building.facts import profile_by_default
 from building.markdown import block
-from flows.profile import known_profiles
+from tasks.profile import known_profiles
 
 
 def page(_: str = "") -> str:

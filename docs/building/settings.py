@@ -10,7 +10,7 @@ from pydantic.fields import FieldInfo
 
 from building.markdown import code, table
 from catalog.choice import Choice
-from flows.profile import Profile
+from tasks.profile import Profile
 
 Model = type[BaseModel]
 CODE = re.compile(r"(`[^`\n]+`)")
@@ -33,7 +33,11 @@ def sections(model: Model, path: tuple[str, ...], seen: list[Model]) -> list[str
     for name, info in model.model_fields.items():
         if model is Profile and name == "origin":  # told of a profile, not set by it
             continue
-        key, nested, meaning = info.alias or name, model_in(info.annotation), plain(meanings.get(name, ""))
+        key, nested, meaning = (
+            info.alias or name,
+            model_in(info.annotation),
+            plain(info.description or meanings.get(name, "")),
+        )
         if nested is None:
             rows.append((code(key), f"{allowed(info)}<br>{meaning}" if meaning else allowed(info), default(info)))
         else:

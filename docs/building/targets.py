@@ -2,7 +2,7 @@
 
 from building.markdown import code
 from building.markdown import table as table_of
-from catalog.target import Target, known_targets
+from catalog.target import Target, further_targets, known_targets
 from tasks.project.more_planes import ADDED_PLANES
 
 
@@ -10,6 +10,16 @@ def table(_: str = "") -> str:
     """All targets."""
     head = ("target", "NAIF", "radii, km", "how well known", "base map", "coordinates")
     return table_of(head, (row(target) for target in known_targets().values()))
+
+
+def further(_: str = "") -> str:
+    """Bodies without a base map."""
+    bodies = sorted(further_targets().values(), key=lambda body: body.naif_id)
+    rows = []
+    for body in bodies:
+        radii = ", ".join(f"{radius:g}" for radius in body.radii_km)
+        rows.append((code(body.name), body.naif_id, radii, "yes" if body.rotation else "no"))
+    return table_of(("target", "NAIF", "radii, km", "rotation model"), rows)
 
 
 def row(target: Target) -> tuple[object, ...]:

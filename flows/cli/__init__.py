@@ -54,7 +54,7 @@ def common(version: Version = False) -> None:
 def main() -> None:
     """Entry point. Exit status: 0 all ok, 1 some image failed or was refused, 2 wrong usage."""
     from catalog.errors import PlanetposeError
-    from flows.loopback import keep_loopback_direct
+    from catalog.loopback import keep_loopback_direct
 
     keep_loopback_direct(os.environ)
     try:
@@ -63,7 +63,7 @@ def main() -> None:
         print(f"planetpose: {error.reason}", file=sys.stderr)
         sys.exit(1)
     except OSError as error:  # a full disk, a folder that may not be written in
-        from flows.result import file_trouble
+        from tasks.boundary import file_trouble
 
         print(f"planetpose: {file_trouble(error)}", file=sys.stderr)
         sys.exit(1)

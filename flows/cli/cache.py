@@ -23,7 +23,7 @@ def size() -> None:
 
     folder = cache_folder()
     print(folder)
-    for step in step_folders(folder):
+    for step in own_folders(folder):
         count = sum(1 for _ in step.glob("*/*/record.json"))
         print(f"{step.name:12s} {count:8d} results {size_bytes(step) / 1e6:10.1f} MB")
 
@@ -36,7 +36,7 @@ def clear(
 
     from catalog.settings import cache_folder
 
-    found = [folder for folder in step_folders(cache_folder()) if step in (None, folder.name)]
+    found = [folder for folder in own_folders(cache_folder()) if step in (None, folder.name)]
     if step is not None and not found:
         raise typer.BadParameter(f"there is no cached step {step!r}", param_hint="--step")
     for folder in found:
@@ -53,8 +53,8 @@ def prune(
     """Delete results that were not used for long, and temporaries of dead processes. What was used in the last six
     hours stays; so do published products, which need no cache."""
     from catalog.settings import cache_folder
-    from flows.reprocessing.sweep import prune as prune_cache
-    from flows.reprocessing.sweep import sweep_cache
+    from tasks.cache import prune as prune_cache
+    from tasks.cache import sweep_cache
 
     if limit_gb is None and days is None:
         raise typer.BadParameter("give --limit-gb, --days or both")
@@ -63,12 +63,11 @@ def prune(
     print(f"freed {freed / 1e6:.1f} MB in {cache_folder()}")
 
 
-def step_folders(folder: Path) -> list[Path]:
-    """The folders of steps in the cache, and of what is known of their code; nothing else in there is touched."""
-    from tasks.code_version import SOURCES_FOLDER
-    from tasks.registry import STEP_NAMES
+def own_folders(cache: Path) -> list[Path]:
+    """The folders of steps in the cache; links are left alone, and named."""
+    from tasks.cache import step_folders
 
-    found = [folder / kind for kind in (*STEP_NAMES, SOURCES_FOLDER) if (folder / kind).is_dir()]
+    found = step_folders(cache)
     for link in (each for each in found if each.is_symlink()):
         print(f"planetpose: {link} is a link; what it leads to is left alone", file=sys.stderr)
     return [each for each in found if not each.is_symlink()]

@@ -1,5 +1,6 @@
-"""planetpose cameras, targets, profiles: what the catalog knows."""
+"""planetpose cameras, camera, targets, profiles: what the catalog knows."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -10,6 +11,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="As one JSON object.")]
 def register(app: typer.Typer) -> None:
     """Add the commands."""
     app.command()(cameras)
+    app.command()(camera)
     app.command()(targets)
     app.command()(profiles)
 
@@ -29,11 +31,35 @@ def cameras(json: AsJson = False) -> None:
         )
 
 
+def camera(
+    name: Annotated[str, typer.Argument(help="Name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE.")],
+    kernels: Annotated[
+        list[Path] | None, typer.Option(help="Kernels that describe the instrument: files, meta-kernels or folders.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Write the camera as this TOML file.")] = None,
+    filter_name: Annotated[str | None, typer.Option("--filter", help="Filter, as labels spell it (CL1/GRN).")] = None,
+    temperature: Annotated[float | None, typer.Option(help="Of the focal plane, degrees Celsius.")] = None,
+) -> None:
+    """Show one camera as a camera file (TOML) with its sources, or write it."""
+    from catalog.camera import find_camera
+    from catalog.camera_store import camera_of
+
+    made = camera_of(name, kernels or None, filter_name, temperature)
+    text = made.to_toml()
+    if out is None:
+        print(text, end="")
+        return
+    out.write_text(text, encoding="utf-8")
+    if find_camera(str(out)) != made:
+        raise RuntimeError(f"{out} is not read as the camera that was written")
+    print(f"{out}: {made.name}, {made.size_px[0]}x{made.size_px[1]} px, f = {made.focal_length_px:.3f} px")
+
+
 def targets(json: AsJson = False) -> None:
     """List the known targets; any body of a loaded PCK can be used too."""
-    from catalog.target import known_targets
+    from catalog.target import further_targets, known_targets
 
-    known = known_targets()
+    known = known_targets() | further_targets()
     if json:
         _print_json({name: target.model_dump(mode="json") for name, target in known.items()})
         return
@@ -46,7 +72,7 @@ def profiles(json: AsJson = False) -> None:
     """List the profiles with every setting that they resolve to."""
     import json as json_module
 
-    from flows.profile import find_profile, known_profiles
+    from tasks.profile import find_profile, known_profiles
 
     resolved = {name: find_profile(name).resolved() for name in known_profiles()}
     if json:

@@ -107,9 +107,9 @@ def local_source(source: str, mirror: str | None) -> Path:
     if not remote:
         return Path(source)
     from catalog.fetch import FetchSettings
+    from catalog.fetch.many import fetched_index
     from catalog.fetch.settings import default_mirror
     from catalog.settings import archive_folder
-    from flows.fetch import fetched_index
 
     return fetched_index(source, archive_folder(), FetchSettings(), mirror or default_mirror())
 

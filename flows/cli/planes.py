@@ -26,8 +26,8 @@ def planes(
 
     from catalog.errors import RefusedError
     from catalog.plain_text import printable
-    from flows.boundary import reason_of, trouble_of
     from flows.cli.output import clean_stdout, write_json
+    from tasks.boundary import reason_of, trouble_of
     from tasks.project.more_planes import ADDED_PLANES, planes_named
     from tasks.publish.check import products_in
     from tasks.publish.extra_planes import EXTRA, write_extra_planes
@@ -50,8 +50,8 @@ def planes(
             broken += reason is not None
             if json:
                 path = None if reason else str(folder / EXTRA)
-                told = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
-                write_json(answer, told)
+                content = {"product": product, "planes": [] if reason else list(names), "path": path, "reason": reason}
+                write_json(answer, content)
             else:
                 print(f"{product}: {reason}" if reason else folder / EXTRA, file=answer, flush=True)
     if broken:

@@ -29,12 +29,15 @@ def show(
 ) -> None:
     """Draw pictures of a product anew and print their paths; without options the overlay: image, predicted and
     corrected limb, grid, terminator."""
+    from tasks.pictures.redraw import draw_limb, draw_planes, draw_residual
+    from tasks.publish import redraw_overlay
+
     first: Path | None = None
     drawers = {
-        "overlay": (all_ or not (limb or residual or planes), lambda: [overlay_picture(path)]),
-        "planes": (all_ or planes, lambda: [planes_picture(path)]),
-        "residual": (all_ or residual, lambda: [residual_picture(path, map)]),
-        "limb": (all_ or limb, lambda: limb_pictures(path, map)),
+        "overlay": (all_ or not (limb or residual or planes), lambda: [redraw_overlay(path)]),
+        "planes": (all_ or planes, lambda: [draw_planes(path)]),
+        "residual": (all_ or residual, lambda: [draw_residual(path, map)]),
+        "limb": (all_ or limb, lambda: draw_limb(path, map)),
     }
     for wanted, draw in drawers.values():
         for picture in draw() if wanted else ():
@@ -42,34 +45,6 @@ def show(
             print(picture, flush=True)
     if open_ and first and on_a_desk():
         typer.launch(str(first))
-
-
-def overlay_picture(path: Path) -> Path:
-    """Draw the overlay of a product anew."""
-    from tasks.publish import redraw_overlay
-
-    return redraw_overlay(path)
-
-
-def limb_pictures(path: Path, basemap: Path | None) -> list[Path]:
-    """Draw the lit limb of a product, image beside simulation, before and after the correction."""
-    from tasks.pictures.redraw import draw_limb
-
-    return draw_limb(path, basemap)
-
-
-def residual_picture(path: Path, basemap: Path | None) -> Path:
-    """Draw image, simulation and residual."""
-    from tasks.pictures.redraw import draw_residual
-
-    return draw_residual(path, basemap)
-
-
-def planes_picture(path: Path) -> Path:
-    """Draw the cube's planes."""
-    from tasks.pictures.redraw import draw_planes
-
-    return draw_planes(path)
 
 
 def on_a_desk() -> bool:

@@ -41,7 +41,7 @@ def lines_of(found: dict[str, Any]) -> list[str]:
         return [
             f"{found['store']}: {products}, published by `planetpose correct`",
             f"  `planetpose index {found['store']}` lists what they show, `planetpose check` whether they are sound.",
-            "  How runs went is told of `planetpose reprocess`, which has not run here.",
+            "  Runs are those of `planetpose reprocess`, which has not run here.",
         ]
     lines = [f"{found['store']}: {found['images']} images"]
     for name, count in found["status"].items():

@@ -1,9 +1,11 @@
-"""The Prefect task: one image. It runs in a thread of the flow's process, or in a Dask worker anywhere."""
+"""The Prefect task: one image. It runs in a thread of the flow's process, or in a Dask worker anywhere; the image is
+done by a process of that machine, and how it ended is written into the store there."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import dataclass
+import logging
+import platform
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from prefect import Task, task
@@ -11,39 +13,30 @@ from prefect.cache_policies import NO_CACHE
 from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
 
-from flows.progress import Reporter, Silent
-from flows.reprocessing.faults import PassingFaultError
-from flows.reprocessing.one_image import InterruptedRunError, Job, do_image
-from flows.reprocessing.settings import Limits
-from flows.reprocessing.workforce import workforce
+from catalog.errors import PlanetposeError
+from catalog.times import now_utc
+from flows.options import BOOKS, ReprocessOptions, processors
+from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
+from flows.reprocessing.outcomes import Outcome, read_outcome, write_outcome
+from flows.reprocessing.planning import Plan
+from flows.reprocessing.pool import LostError, Message, Pool, pool
+from flows.reprocessing.worker import DIGESTS, sweep_claims
+from flows.runners import THREADS
 from flows.verdict import PUBLISHED
+from tasks.fields import Json
+
+Job = dict[str, Any]
+
+logger = logging.getLogger("planetpose")
+steps_logger = logging.getLogger(STEPS_LOGGER)
 
 
-@dataclass(frozen=True)
-class Audience:
-    """Who in this process hears of progress, and of the run's summary."""
-
-    reporter: Reporter
-    on_summary: Callable[[dict[str, Any]], None]
+class PassingFaultError(Exception):
+    """An image ended by a fault that may be gone the next time: Prefect's retries are for these."""
 
 
-_nobody = Audience(Silent(), lambda _: None)
-_audience: ContextVar[Audience | None] = ContextVar("reprocess-audience", default=None)
-
-
-@contextmanager
-def told_to(reporter: Reporter, on_summary: Callable[[dict[str, Any]], None]) -> Iterator[None]:
-    """Within the `with` block, flows of this process report to these two."""
-    token = _audience.set(Audience(reporter, on_summary))
-    try:
-        yield
-    finally:
-        _audience.reset(token)
-
-
-def audience() -> Audience:
-    """Who hears of progress."""
-    return _audience.get() or _nobody
+class InterruptedRunError(PlanetposeError):
+    """The run was ended while the image was at work; nothing is remembered of it."""
 
 
 def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
@@ -55,7 +48,7 @@ def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
 def image(product: str, job: Job) -> State[None]:
     """Correct one image in a process of this machine. Completed when it is published, else Failed; a fault that may be
     gone the next time is raised as PassingFaultError."""
-    # A Dask cluster gets this function by value, and its own module's workers and listeners by name.
+    # A Dask cluster gets this function by value, and its own module's processes and listeners by name.
     from flows.reprocessing.image_task import perform
 
     return perform(product, job)
@@ -64,7 +57,7 @@ def image(product: str, job: Job) -> State[None]:
 def perform(product: str, job: Job) -> State[None]:
     """What the task does."""
     try:
-        outcome = do_image(job, workforce, audience().reporter)
+        outcome = do_image(job, pool, audience().reporter)
     except InterruptedRunError as error:
         return Failed(message=f"{product}: {error.reason}")
     except OSError as error:  # what it came to could not be written into the store
@@ -75,8 +68,91 @@ def perform(product: str, job: Job) -> State[None]:
     return Completed(message=message) if outcome.status in PUBLISHED else Failed(message=message)
 
 
-def image_task(limits: Limits) -> Task[..., Any]:
-    """The task with the retries that the limits allow."""
+def image_task(options: ReprocessOptions) -> Task[..., Any]:
+    """The task with the retries that the options allow."""
     return image.with_options(
-        retries=limits.retries, retry_delay_seconds=limits.delays_s or 0, retry_condition_fn=may_pass
+        retries=options.retries, retry_delay_seconds=options.delays_s or 0, retry_condition_fn=may_pass
+    )
+
+
+def job_of(plan: Plan, options: ReprocessOptions, run: str) -> Job:
+    """All that a process anywhere needs for an image: plain JSON."""
+    request = plan.request
+    places = {"store": request.store.absolute(), "image": request.image.absolute(), "cache": request.cache.absolute()}
+    return {
+        "request": request.model_copy(update=places).model_dump(mode="json", by_alias=True),
+        "image_sha256": None if plan.image.startswith("fault: ") else plan.image,
+        "changed": plan.changed,
+        "trace": without_results(plan.trace),
+        "image_timeout_s": options.image_timeout_s,
+        "image_memory_mb": options.image_memory_mb,
+        "digests": str(options.steps_cache / DIGESTS),
+        # A process's share of this machine, or the one thread of a Dask worker's.
+        "threads": max(processors() // options.at_a_time, 1) if options.runner == THREADS else 1,
+        "run": run,
+    }
+
+
+def without_results(trace: Json) -> Json:
+    """A trace that says what an image depends on, and nothing of what its steps came to."""
+    entries = [{**entry, "result": None, "failure": None} for entry in trace.get("steps", [])]
+    return {"profile": trace.get("profile"), "steps": entries}
+
+
+def do_image(job: Job, processes: Pool, reporter: Reporter | None = None) -> Outcome:
+    """The outcome of an image, which is also written to its store. Raises InterruptedRunError when the pool was
+    closed meanwhile, OSError when the outcome could not be written."""
+    reporter = reporter or Silent()
+    product, store = job["request"]["product"], Path(job["request"]["store"])
+
+    def tell(message: Message) -> None:
+        if message["kind"] == "step":
+            reporter.message(product, message["step"], message["iteration"], message["text"])
+        elif message["kind"] == "done":
+            figures = {name: message[name] for name in ("step", "seconds", "peak_mb", "cached")}
+            text = "from the cache" if message["cached"] else f"{message['seconds']} s"
+            steps_logger.info("%s  %s  %s", product, message["step"], text, extra={"product": product, **figures})
+        elif message["kind"] == "log":
+            level = logging.getLevelNamesMapping().get(message["level"], logging.WARNING)
+            logger.log(level, "%s", message["text"], extra={"product": product})
+
+    try:
+        end = processes.do(job, tell)
+    except LostError as lost:
+        sweep_claims(store)
+        if processes.is_closed:
+            raise InterruptedRunError("interrupted", "the run was ended.") from lost
+        outcome = replace(known_beforehand(job, "failed"), reason=str(lost), passing=True)
+        return write_outcome(store / BOOKS, outcome, job["trace"])
+    return write_outcome(store / BOOKS, outcome_of(job, end), end["trace"])
+
+
+def outcome_of(job: Job, end: Message) -> Outcome:
+    """The outcome of an image that a process brought to its end."""
+    result, steps = end["result"], end["steps"]
+    return replace(
+        known_beforehand(job, result["status"]),
+        peak_mb=max((step["peak_mb"] for step in steps.values() if step.get("peak_mb")), default=None),
+        steps=steps,
+        **{name: end[name] for name in ("passing", "key", "seconds", "cpu_s")},
+        **{name: result[name] for name in ("reason", "utc", "camera", "target", "limb_rms_px")},
+    )
+
+
+def known_beforehand(job: Mapping[str, Any], status: str) -> Outcome:
+    """What the job says, and how often it ended like this."""
+    request = job["request"]
+    last = read_outcome(Path(request["store"]) / BOOKS, request["product"], request["image"])
+    same = last is not None and last.passing and not job["changed"] and last.run != job["run"]
+    return Outcome(
+        product=request["product"],
+        image=request["image"],
+        status=status,
+        reason=None,
+        image_sha256=job["image_sha256"],
+        run=job["run"],
+        at=now_utc(),
+        tries=last.tries + 1 if last and same else last.tries if last and last.run == job["run"] else 1,
+        host=platform.node(),
+        profile=request["profile"]["name"],
     )

@@ -1,6 +1,8 @@
-"""What is remembered of every image: one small file in the store, exchanged as a whole.
+"""What is remembered of every image: a small file in the store, and beside it the trace of its steps; each is exchanged
+as a whole.
 
-Whoever did the image writes it, so nothing is lost when flow, server or machine end; two writers know the same.
+Whoever did the image writes it, so nothing is lost when flow, server or machine end; two writers know the same. Of
+tens of thousands of images only the small files are read to list them; a trace is read where an image is planned.
 """
 
 import hashlib
@@ -11,19 +13,21 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from catalog.digest import sha256_of_json
 from catalog.plain_files import own_json
 from catalog.regular_file import read_regular_text
 from tasks.atomic import file_put_in_place
+from tasks.fields import Json
 from tasks.publish.origin import OTHER_IMAGE
 
-IMAGES = "images"
+IMAGES, TRACES = "images", "traces"
 
 
 @dataclass(frozen=True)
 class Outcome:
     """How an image ended.
 
-    trace: of its steps, see `flows.trace`. image_sha256: of its file, None when that could not be read. passing: the
+    trace: digest of the trace of its steps. image_sha256: of its file, None when that could not be read. passing: the
     fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
     published product. seconds, cpu_s: by the clock, and of the processor. steps: per step seconds, peak_mb, cached.
     at: UTC of the end. run: the run that did it.
@@ -33,9 +37,9 @@ class Outcome:
     image: str
     status: str
     reason: str | None
-    trace: dict[str, Any]
     run: str
     at: str
+    trace: str | None = None
     image_sha256: str | None = None
     passing: bool = False
     tries: int = 1
@@ -56,23 +60,31 @@ class Outcome:
         """The reason's first word."""
         return self.reason.partition(":")[0] if self.reason else None
 
+    @property
+    def file_name(self) -> str:
+        """Of its file. An image that was refused because the product of its name is another image's has one of its
+        own, so that the other's outcome stays; no product has a `~` in its name."""
+        return namesake(self.product, self.image) if self.code == OTHER_IMAGE else f"{self.product}.json"
 
-def outcome_file(books: Path, product: str) -> Path:
-    """Where a product's outcome is."""
-    return books / IMAGES / f"{product}.json"
 
-
-def outcome_file_of_namesake(books: Path, product: str, image: Path | str) -> Path:
-    """Where the outcome of an image is that was refused because the product of its name is another image's, whose own
-    outcome stays. No product has a `~` in its name."""
-    digest = hashlib.sha256(os.fsencode(os.path.abspath(image))).hexdigest()[:12]
-    return books / IMAGES / f"{product}~{digest}.json"
+def namesake(product: str, image: Path | str) -> str:
+    """Name of the outcome's file of an image whose name is another one's."""
+    return f"{product}~{hashlib.sha256(os.fsencode(os.path.abspath(image))).hexdigest()[:12]}.json"
 
 
 def read_outcome(books: Path, product: str, image: Path | str) -> Outcome | None:
     """The outcome of a product, or of that image of its name which was refused; None when there is none, or it is
     damaged or of another version."""
-    return _read(outcome_file_of_namesake(books, product, image)) or _read(outcome_file(books, product))
+    return _read(books / IMAGES / namesake(product, image)) or _read(books / IMAGES / f"{product}.json")
+
+
+def read_trace(books: Path, outcome: Outcome) -> Json:
+    """The trace of an image's steps, see `flows.trace`; empty when it is gone, damaged, or another outcome's."""
+    try:
+        trace = own_json(read_regular_text(books / TRACES / outcome.file_name))
+    except (OSError, ValueError):
+        return {}
+    return trace if isinstance(trace, dict) and sha256_of_json(trace) == outcome.trace else {}
 
 
 def _read(path: Path) -> Outcome | None:
@@ -82,19 +94,27 @@ def _read(path: Path) -> Outcome | None:
         return None
 
 
-def write_outcome(books: Path, outcome: Outcome) -> None:
-    """Exchange the outcome of a product. Raises OSError."""
-    text = json.dumps(asdict(outcome), allow_nan=False)
-    namesake = outcome_file_of_namesake(books, outcome.product, outcome.image)
-    refused = outcome.code == OTHER_IMAGE
-    with file_put_in_place(namesake if refused else outcome_file(books, outcome.product)) as temporary:
-        temporary.write_text(text + "\n", encoding="utf-8")
-    if not refused:
-        namesake.unlink(missing_ok=True)
+def write_outcome(books: Path, outcome: Outcome, trace: Json | None = None) -> Outcome:
+    """Exchange trace and outcome of a product; the trace comes first, and without its outcome it counts for nothing.
+    trace: None keeps the one that is there. Returns the outcome as it was written. Raises OSError."""
+    name = outcome.file_name
+    if trace is not None:
+        outcome = Outcome(**asdict(outcome) | {"trace": sha256_of_json(trace)})
+        _exchange(books / TRACES / name, trace)
+    _exchange(books / IMAGES / name, asdict(outcome))
+    if outcome.code != OTHER_IMAGE:
+        for folder in (IMAGES, TRACES):
+            (books / folder / namesake(outcome.product, outcome.image)).unlink(missing_ok=True)
+    return outcome
+
+
+def _exchange(path: Path, content: Json) -> None:
+    with file_put_in_place(path) as temporary:
+        temporary.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def all_outcomes(books: Path) -> Iterator[Outcome]:
-    """Every outcome of a store, by product."""
+    """Every outcome of a store, by product, without its trace."""
     for path in sorted((books / IMAGES).glob("[!.]*.json")):
         outcome = _read(path)
         if outcome is not None:

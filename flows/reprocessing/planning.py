@@ -5,11 +5,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from catalog.errors import PlanetposeError, RefusedError
+from catalog.input_file import digest_of
+from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError
-from flows.reprocessing.outcomes import Outcome, read_outcome
-from flows.reprocessing.settings import Settings
-from flows.request import KernelLists, Request, digest_of
-from flows.trace import asked, changes, trace_of
+from flows.options import ReprocessOptions
+from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace
+from flows.request import Request
+from flows.trace import changes, known_chain, trace_of
 from flows.verdict import PUBLISHED
 from tasks.fields import Json
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
@@ -19,6 +21,7 @@ from tasks.registry import PUBLISH
 
 IMAGE_MISSING = "image-missing"
 SHOWN = 4
+TRIES = 3  # runs that take up an image that hung, or whose process died, while nothing about it changes
 
 
 @dataclass(frozen=True)
@@ -36,19 +39,20 @@ class Plan:
     last: Outcome | None = None
 
 
-def plan_of(request: Request, settings: Settings, kernels: KernelLists | None = None) -> Plan:
+def plan_of(request: Request, options: ReprocessOptions, kernels: KernelLists | None = None) -> Plan:
     """Whether to do an image, and why: by the keys of its steps, as `correct` has them."""
-    last = read_outcome(settings.books, request.product, request.image)
+    last = read_outcome(options.books, request.product, request.image)
     image = image_or_fault(request)
     name = reason_of_name(request, image, last)
     if last is None or name:
         return Plan(request, True, name or new_in_words(image), image, last=last)
-    chain, ended_by = asked(request, last.trace, kernels or KernelLists())
+    trace = read_trace(options.books, last)
+    chain, ended_by = known_chain(request, trace, kernels or KernelLists())
     plan = Plan(request, True, "", image, trace=trace_of(chain), last=last)
-    changed = reason_of_change(chain, ended_by, last)
+    changed = reason_of_change(chain, ended_by, last, trace)
     if changed:
         return replace(plan, why=changed)
-    other = other_reason(request, settings, last)
+    other = other_reason(request, options, last)
     return replace(plan, do=other is not None, why=other or f"unchanged ({last.status})", changed=False)
 
 
@@ -71,14 +75,15 @@ def reason_of_name(request: Request, image: str, last: Outcome | None) -> str | 
     return None
 
 
-def reason_of_change(chain: Chain, ended_by: Exception | None, last: Outcome) -> str | None:
-    """What changed since the image was done, so that a step of it has to be done, or the end would be another."""
+def reason_of_change(chain: Chain, ended_by: Exception | None, last: Outcome, trace: Json) -> str | None:
+    """What changed since the image was done and its `trace` made, so that a step of it has to be done, or the end would
+    be another."""
     if ended_by is None and last.status in PUBLISHED:
         product = chain.last(PUBLISH)
         return None if product and product.key == last.key else "changed: the product's key"
     if isinstance(ended_by, PlanetposeError) and ended_by.code == last.code:
         return None
-    found = changes(last.trace, chain)
+    found = changes(trace, chain) if trace else ["the record of its steps (is gone)"]
     if isinstance(ended_by, NotCachedError) and not found and last.passing:
         return None
     if isinstance(ended_by, PlanetposeError):
@@ -91,20 +96,20 @@ def reason_of_change(chain: Chain, ended_by: Exception | None, last: Outcome) ->
     return f"changed: {in_words(found)}"
 
 
-def other_reason(request: Request, settings: Settings, last: Outcome) -> str | None:
+def other_reason(request: Request, options: ReprocessOptions, last: Outcome) -> str | None:
     """Why an image has to be done of which nothing changed; None when it has not."""
-    if settings.force:
+    if options.force:
         return "forced"
     if last.status in PUBLISHED:
-        fault = product_fault(request.product_folder, last, settings.verify)
-        return fault or (published_fault(request, last) if settings.verify else None)
-    if last.passing and last.tries < settings.limits.tries:
+        fault = product_fault(request.product_folder, last, options.verify)
+        return fault or (published_fault(request, last) if options.verify else None)
+    if last.passing and last.tries < TRIES:
         return f"{last.status} before, may pass ({last.code})"
-    return f"{last.status} before ({last.code})" if settings.again else None
+    return f"{last.status} before ({last.code})" if options.again else None
 
 
 def taken_by_another(request: Request, image: str) -> str | None:
-    """The fault, when the product of the image's name is another image's; its own steps will tell it."""
+    """The fault, when the product of the image's name is another image's; its own steps will say so."""
     try:
         refuse_other_image(origin_of(request.product_folder), str(request.product_folder), request.image, image)
     except RefusedError as error:
@@ -113,7 +118,7 @@ def taken_by_another(request: Request, image: str) -> str | None:
 
 
 def new_in_words(image: str) -> str:
-    """`new`, and what its own steps will tell of the image's file; `missing` where that is not there."""
+    """`new`, and what its own steps will say of the image's file; `missing` where that is not there."""
     if is_missing(image):
         return "missing"
     return f"new, and will be refused: {image.removeprefix('fault: ')}" if image.startswith("fault: ") else "new"

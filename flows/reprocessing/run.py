@@ -12,19 +12,19 @@ from typing import Any
 
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
-from flows.indexing import index_store
-from flows.reprocessing.fetching import fetch_missing
-from flows.reprocessing.one_image import DIGESTS
-from flows.reprocessing.outcomes import Outcome, read_outcome
-from flows.reprocessing.parameters import parameters_of
+from catalog.spice import KernelLists
+from flows.diagnosis import FAILED
+from flows.options import BOOKS, ReprocessOptions, absolute
+from flows.places import index_object_store, index_store, place_of
+from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.requests import listed, requests_of
-from flows.reprocessing.settings import Settings
-from flows.reprocessing.sweep import prune, sweep
-from flows.reprocessing.tally import Tally, row_of, write_tables
-from flows.request import KernelLists, Request
+from flows.reprocessing.tally import RUNS, Tally, row_of, write_tables
+from flows.reprocessing.worker import DIGESTS, sweep_claims
+from flows.request import Request
+from flows.requests import fetch_missing, listed, requests_of_list
 from flows.verdict import PUBLISHED
-from tasks.atomic import file_put_in_place
+from tasks.atomic import file_put_in_place, sweep_temporaries
+from tasks.cache import prune, sweep_cache
 from tasks.publish.origin import note_place
 
 logger = logging.getLogger("planetpose")
@@ -34,7 +34,7 @@ logger = logging.getLogger("planetpose")
 class Run:
     """One run. name: unique, sorts by time. why: of every image that was or would be done."""
 
-    settings: Settings
+    options: ReprocessOptions
     name: str
     requests: list[Request]
     tally: Tally
@@ -42,10 +42,10 @@ class Run:
     why: dict[str, str] = field(default_factory=dict)
 
     def plans(self) -> Iterator[Plan]:
-        """The plan of every image, in the list's order, made when it is asked for."""
+        """The plan of every image, in the list's order, made when it is needed."""
         kernels = KernelLists()
         for request in self.requests:
-            plan = plan_of(request, self.settings, kernels)
+            plan = plan_of(request, self.options, kernels)
             if plan.do:
                 self.why[request.product] = plan.why
             yield plan
@@ -59,7 +59,7 @@ class Run:
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
         lost on the way."""
-        outcome = read_outcome(self.settings.books, product, self.images[product])
+        outcome = read_outcome(self.options.books, product, self.images[product])
         return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
 
     @cached_property
@@ -75,32 +75,50 @@ class Run:
     @property
     def too_many_failed(self) -> bool:
         """Whether the alarm is to be raised."""
-        return self.tally.failed_percent > self.settings.most_failed_percent
+        return self.tally.failed_percent > self.options.most_failed_percent
 
 
-def begin(settings: Settings) -> Run:
-    """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of`, FailedError
-    when the store cannot be written to."""
-    remember_digests(settings.cache / DIGESTS)
-    if settings.fetch:
-        fetch_missing(listed(settings), settings)
-    requests = requests_of(settings)
+def begin(options: ReprocessOptions) -> Run:
+    """A run, its list read, digests at hand, and the store swept. Raises RefusedError as `requests_of_list`,
+    FailedError when the store cannot be written to."""
+    options = for_any_folder(options)
+    remember_digests(options.steps_cache / DIGESTS)
+    if options.fetch:
+        fetch_missing(listed(options), options)
+    requests = requests_of_list(options)
     try:
-        settings.books.mkdir(parents=True, exist_ok=True)
-        sweep(settings.store, settings.cache)
+        options.books.mkdir(parents=True, exist_ok=True)
+        sweep(options.folder, options.steps_cache)
     except OSError as error:
         raise FailedError(
-            "store-unwritable", f"store {settings.store}: {error}.", "Check the disk and the folder's rights."
+            "store-unwritable", f"store {options.store}: {error}.", "Check the disk and the folder's rights."
         ) from error
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%SZ")
-    return Run(settings, f"{stamp}-{uuid.uuid4().hex[:6]}", requests, Tally(len(requests)))
+    return Run(options, f"{stamp}-{uuid.uuid4().hex[:6]}", requests, Tally(len(requests)))
 
 
-def planned(settings: Settings) -> tuple[Run, list[Plan]]:
+def for_any_folder(options: ReprocessOptions) -> ReprocessOptions:
+    """The same with kernels that mean the same in every process, as the other paths do from the start."""
+    kernels = None if options.kernels is None else tuple(map(absolute, options.kernels))
+    return options.model_copy(update={"kernels": kernels})
+
+
+def sweep(store: Path, cache: Path) -> None:
+    """Delete the temporaries and claims of dead processes in a store and in a cache of steps."""
+    books = store / BOOKS
+    for folder in (store, store / FAILED, books, *(books / name for name in (IMAGES, TRACES, RUNS))):
+        if folder.is_dir():
+            sweep_temporaries(folder)
+    sweep_claims(store)
+    sweep_cache(cache)
+
+
+def planned(options: ReprocessOptions) -> tuple[Run, list[Plan]]:
     """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
-    remember_digests(settings.cache / DIGESTS)
-    requests = requests_of(settings)
-    run = Run(settings, "dry", requests, Tally(len(requests)))
+    options = for_any_folder(options)
+    remember_digests(options.steps_cache / DIGESTS)
+    requests = requests_of_list(options)
+    run = Run(options, "dry", requests, Tally(len(requests)))
     return run, [replace(plan, trace={}, last=None) for plan in run.plans()]
 
 
@@ -119,41 +137,40 @@ def save_digests() -> None:
 
 def finish(run: Run) -> dict[str, Any]:
     """Write the run's tables, bring the index up to date, prune the cache; returns the summary."""
-    settings = run.settings
+    options = run.options
     save_digests()
-    index_store(settings.store)
-    index_published(settings)
-    freed = prune(settings.cache, settings.cache_limit_gb, settings.cache_days)
+    index_store(options.folder)
+    index_published(options)
+    freed = prune(options.steps_cache, options.cache_limit_gb, options.cache_days)
     summary = {
         "run": run.name,
-        "list": settings.images,
-        "store": str(settings.store),
-        "profile": settings.profile,
-        "workers": settings.at_a_time,
+        "list": options.images,
+        "store": str(options.folder),
+        "profile": options.profile,
+        "workers": options.at_a_time,
         "started": run.began,
         "wall_s": round(time.time() - run.started, 2),
         **run.tally.summary(),
         "too_many_failed": run.too_many_failed,
         "cache_freed_mb": round(freed / 1e6, 1),
-        "parameters": parameters_of(settings),
+        "parameters": options.model_dump(mode="json", exclude={"dry_run"}),
     }
     try:
-        summary["table"] = str(write_tables(settings, run.name, summary, rows_of(run)))
+        summary["table"] = str(write_tables(options, run.name, summary, rows_of(run)))
     except OSError as error:
-        logger.error("the table of %s was not written: %s", settings.store, error)
+        logger.error("the table of %s was not written: %s", options.store, error)
     return summary
 
 
-def index_published(settings: Settings) -> None:
+def index_published(options: ReprocessOptions) -> None:
     """Bring the index of the object store up to date, if there is one."""
-    if settings.publish_to is None:
+    url = place_of(options.store).publish_to
+    if url is None:
         return
-    from flows.places import index_object_store
-
     try:
-        index_object_store(settings.publish_to)
+        index_object_store(url)
     except PlanetposeError as error:  # the products are there all the same
-        logger.error("the index of %s was not written: %s", settings.publish_to, error)
+        logger.error("the index of %s was not written: %s", url, error)
 
 
 def rows_of(run: Run) -> Iterator[dict[str, Any]]:
@@ -161,5 +178,5 @@ def rows_of(run: Run) -> Iterator[dict[str, Any]]:
     for request in run.requests:
         product = request.product
         done = product in run.why
-        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.settings.books, product, request.image)
+        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.options.books, product, request.image)
         yield row_of(product, outcome, done, run.why.get(product, "unchanged"))

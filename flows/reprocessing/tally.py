@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from catalog.safe_name import TABLE
+from flows.options import ReprocessOptions
 from flows.reprocessing.outcomes import Outcome
-from flows.reprocessing.settings import Settings
 from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place
 
@@ -94,11 +94,11 @@ def row_of(product: str, outcome: Outcome | None, done: bool, why: str) -> dict[
     return {"product": product, "status": "failed", "reason": None, **known, "done": done, "why": why}
 
 
-def write_tables(settings: Settings, run: str, summary: dict[str, Any], rows: Iterable[dict[str, Any]]) -> Path:
+def write_tables(options: ReprocessOptions, run: str, summary: dict[str, Any], rows: Iterable[dict[str, Any]]) -> Path:
     """Write the run's table and summary, and the same as `reprocess.csv` and `reprocess.json` of the store; returns the
     path of the latter's table."""
-    latest = settings.store / f"{TABLE}.csv"
-    kept = settings.books / RUNS / f"{run}.csv"
+    latest = options.folder / f"{TABLE}.csv"
+    kept = options.books / RUNS / f"{run}.csv"
     with file_put_in_place(kept) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()

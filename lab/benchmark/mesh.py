@@ -9,8 +9,9 @@ import numpy as np
 
 from catalog.target import Target
 from lab.benchmark.projection import EUROPA, frame_filling_scene
+from tasks.project.backplanes import ANGLES, Backplanes
 from tasks.project.mesh import Mesh
-from tasks.project.planes import ANGLES, Planes, project_planes
+from tasks.project.planes import project_planes
 
 STEEP_DEG = 60.0
 
@@ -39,13 +40,13 @@ def benchmark_mesh(size: int = 1024, facets: int = 200_000) -> dict[str, Any]:
     }
 
 
-def _timed(pose: Any, camera: Any, target: Target) -> tuple[float, float, Planes]:
+def _timed(pose: Any, camera: Any, target: Target) -> tuple[float, float, Backplanes]:
     started, processor = time.perf_counter(), time.process_time()
     planes = project_planes(pose, camera, target, planes=ANGLES)
     return time.perf_counter() - started, time.process_time() - processor, planes
 
 
-def _difference(name: str, ours: Planes, exact: Planes) -> dict[str, float]:
+def _difference(name: str, ours: Backplanes, exact: Backplanes) -> dict[str, float]:
     compared = ours.on_body & (exact.emission < STEEP_DEG)
     off = np.abs((ours[name] - exact[name] + 180) % 360 - 180)[compared]
     off = off * np.cos(np.radians(exact.latitude[compared])) if name == "longitude" else off

@@ -16,8 +16,9 @@ from catalog.spice import kernel_pool
 from catalog.target import Target
 from lab.benchmark.reference import project_planes_with_numpy
 from lab.benchmark.spice_oracle import project_with_spice, write_kernels
+from tasks.project.backplanes import ANGLES, Backplanes
 from tasks.project.curves import limb_points
-from tasks.project.planes import ANGLES, Planes, project_planes
+from tasks.project.planes import project_planes
 
 EUROPA = Target(name="europa", naif_id=502, radii_km=(1562.6, 1560.3, 1559.5))
 REPEATS = 20
@@ -68,7 +69,7 @@ def benchmark_projection(size: int = 1024, peers: bool = False) -> dict[str, Any
     return figures | ({"peers": peer_figures(pose, camera, ours, ours_s)} if peers else {})
 
 
-def peer_figures(pose: Pose, camera: Camera, ours: Planes, ours_s: float) -> dict[str, Any]:
+def peer_figures(pose: Pose, camera: Camera, ours: Backplanes, ours_s: float) -> dict[str, Any]:
     """What other programs make of the same frame; None for one that is not installed."""
     from lab.benchmark.peers import PEERS
 
@@ -79,8 +80,10 @@ def peer_figures(pose: Pose, camera: Camera, ours: Planes, ours_s: float) -> dic
         except ModuleNotFoundError:
             figures[name] = None
             continue
-        peer = Planes(ours.window, planes)
-        off_limb = Planes(ours.window, {n: np.where(ours.emission < OFF_LIMB_DEG, planes[n], np.nan) for n in ANGLES})
+        peer = Backplanes(ours.window, planes)
+        off_limb = Backplanes(
+            ours.window, {n: np.where(ours.emission < OFF_LIMB_DEG, planes[n], np.nan) for n in ANGLES}
+        )
         figures[name] = {
             "seconds": seconds,
             "times_slower": seconds / ours_s,
@@ -109,12 +112,12 @@ def _timed(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - started, result
 
 
-def _best(work: Callable[[], Planes], repeats: int = REPEATS) -> tuple[float, Planes]:
+def _best(work: Callable[[], Backplanes], repeats: int = REPEATS) -> tuple[float, Backplanes]:
     runs = [_timed(work) for _ in range(repeats)]
     return min(seconds for seconds, _ in runs), runs[-1][1]
 
 
-def _pixels_inside_limb(planes: Planes, limb_xy: NDArray[np.float64]) -> NDArray[np.int64]:
+def _pixels_inside_limb(planes: Backplanes, limb_xy: NDArray[np.float64]) -> NDArray[np.int64]:
     """Outermost pixels on the body: of the whole pixels around each limb point, those that see it."""
     corners = np.floor(limb_xy)[:, None, :] + np.array([[0, 0], [1, 0], [0, 1], [1, 1]])
     xy = np.unique(corners.reshape(-1, 2).astype(np.int64), axis=0)
@@ -123,7 +126,7 @@ def _pixels_inside_limb(planes: Planes, limb_xy: NDArray[np.float64]) -> NDArray
     return xy[planes.on_body[xy[:, 1], xy[:, 0]]]
 
 
-def _difference_deg(ours: Planes, xy: NDArray[np.int64], spice: NDArray[np.float64]) -> float:
+def _difference_deg(ours: Backplanes, xy: NDArray[np.int64], spice: NDArray[np.float64]) -> float:
     x, y = xy.T
     mine = np.stack([ours[name][y, x] for name in ANGLES], axis=1)
     if not np.array_equal(np.isnan(mine), np.isnan(spice)):
@@ -131,7 +134,7 @@ def _difference_deg(ours: Planes, xy: NDArray[np.int64], spice: NDArray[np.float
     return _largest(mine, spice)
 
 
-def _planes_difference_deg(a: Planes, b: Planes) -> float:
+def _planes_difference_deg(a: Backplanes, b: Backplanes) -> float:
     return _largest(*(np.stack([p[name].ravel() for name in ANGLES], axis=1) for p in (a, b)))
 
 

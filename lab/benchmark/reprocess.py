@@ -7,9 +7,10 @@ from typing import Any
 import tomli_w
 
 from catalog.errors import FailedError
-from flows.profile import find_profile
-from lab.benchmark.small import watch_small
+from catalog.reasons import Reason
+from lab.benchmark.small import environment, watch_small
 from lab.faults.processes import Command
+from tasks.profile import find_profile
 
 Figures = dict[str, Any]
 Tell = Callable[[str, Figures], None]
@@ -66,20 +67,11 @@ def started(images: Path, profile: str, workers: int, folder: Path) -> Command:
     return Command(arguments, environment(folder))
 
 
-def environment(folder: Path) -> dict[str, str]:
-    """Of a command that keeps everything in `folder`."""
-    import os
-
-    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT")}
-    own = {"PLANETPOSE_CACHE": folder / "cache", "PLANETPOSE_STATE": folder / "state"}
-    return kept | {name: str(path) for name, path in own.items()} | {"PLANETPOSE_KERNELS": ""}
-
-
 def figures_of(command: Command) -> Figures:
     """What a run says of itself, and how long the command took. Raises FailedError when it said nothing."""
     summary = command.summary
     if summary is None:
-        raise FailedError("benchmark", "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
+        raise FailedError(Reason.BENCHMARK, "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
     names = ("images", "done", "status", "wall_s", "busy_s", "cpu_s", "peak_mb", "steps_done", "steps_cached", "codes")
     return {"command_s": command.seconds, **{name: summary[name] for name in names}}
 

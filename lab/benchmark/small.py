@@ -1,14 +1,17 @@
 """Very many small images: does any process grow, what does the orchestration cost, does the database stay usable?"""
 
+import base64
 import json
+import os
 import time
 import urllib.request
 from pathlib import Path
 from typing import Any
 
 from catalog.errors import FailedError
-from flows.reprocessing.memory import resident_mb
-from lab.faults.processes import Command, children_of, command_line
+from catalog.reasons import Reason
+from flows.server import ServerRecord
+from lab.faults.processes import Command, children_of, command_line, resident_mb
 from lab.simulate.small_archive import PROFILE_FILE, write_small_archive
 
 LOOK_EVERY_S = 2.0
@@ -20,8 +23,6 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
     """memory_mb: per process its resident size when a tenth of the images was done, in the middle and at the end.
     overhead_s: seconds of workers per image that went not into images: from the first image's begin to the last one's
     end, and of the whole command. database: its size, and how long it takes to answer."""
-    from lab.benchmark.reprocess import environment
-
     images = write_small_archive(folder / "archive", count)
     arguments = [str(images), "--store", str(folder / "store"), "--workers", str(workers)]
     command = Command([*arguments, "--profile", str(images.parent / PROFILE_FILE)], environment(folder))
@@ -32,7 +33,7 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
     command.await_end()
     summary = command.summary
     if summary is None:
-        raise FailedError("benchmark", "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
+        raise FailedError(Reason.BENCHMARK, "the command gave no summary: " + " ".join(command.noise[-3:])[:500])
     first, last = (command.stamps[event] for event in ("step", "finished"))
     during_s = last[-1] - first[0]
     return {
@@ -48,6 +49,13 @@ def watch_small(count: int, workers: int, folder: Path) -> dict[str, Any]:
         "memory_mb": grown(samples, count),
         "database": database(folder / "state" / "server"),
     }
+
+
+def environment(folder: Path) -> dict[str, str]:
+    """Of a command that keeps everything in `folder`."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT")}
+    own = {"PLANETPOSE_CACHE": folder / "cache", "PLANETPOSE_STATE": folder / "state"}
+    return kept | {name: str(path) for name, path in own.items()} | {"PLANETPOSE_KERNELS": ""}
 
 
 def ended_images(command: Command) -> int:
@@ -98,18 +106,20 @@ def database(server: Path) -> dict[str, float | int]:
     files = list((server / "prefect").glob("prefect.db*"))
     size_mb = round(sum(path.stat().st_size for path in files) / 1e6, 1)
     try:
-        url = json.loads((server / "server.json").read_text())["url"]
-        count, count_s = ask(url, "task_runs/count", {})
-        _, page_s = ask(url, "task_runs/filter", {"limit": 200, "sort": "EXPECTED_START_TIME_DESC"})
-        _, flows_s = ask(url, "flow_runs/filter", {"limit": 50})
+        record = ServerRecord(**json.loads((server / "server.json").read_text()))
+        count, count_s = ask(record, "task_runs/count", {})
+        _, page_s = ask(record, "task_runs/filter", {"limit": 200, "sort": "EXPECTED_START_TIME_DESC"})
+        _, flows_s = ask(record, "flow_runs/filter", {"limit": 50})
     except (OSError, ValueError) as error:
-        raise FailedError("database", f"Prefect's database does not answer: {error}.") from error
+        raise FailedError(Reason.DATABASE, f"Prefect's database does not answer: {error}.") from error
     return {"mb": size_mb, "task_runs": count, "count_s": count_s, "page_of_200_s": page_s, "flow_runs_s": flows_s}
 
 
-def ask(url: str, path: str, body: dict[str, Any]) -> tuple[Any, float]:
+def ask(record: ServerRecord, path: str, body: dict[str, Any]) -> tuple[Any, float]:
     """The API's answer and its seconds."""
-    request = urllib.request.Request(f"{url}/{path}", json.dumps(body).encode(), {"Content-Type": "application/json"})
+    password = base64.b64encode(record.credentials.encode()).decode()
+    headers = {"Content-Type": "application/json", "Authorization": f"Basic {password}"}
+    request = urllib.request.Request(f"{record.url}/{path}", json.dumps(body).encode(), headers)
     started = time.monotonic()
     with urllib.request.urlopen(request, timeout=60) as reply:
         answer = json.loads(reply.read())

@@ -16,11 +16,11 @@ from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target, find_target
 from flows.one_image import one_result
-from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.simulate.plant import planted
 from tasks.attitude.flow import optical_flow
+from tasks.profile import find_profile
 from tasks.simulate import Scene
 from tasks.simulate.window import Window
 from tasks.step import run

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from flows.cli.server_option import Server
+from flows.cli.options import Server
 
 if TYPE_CHECKING:
     from flows.progress import Reporter
@@ -32,12 +32,12 @@ def demo(
 
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
     from flows.prefect_settings import server_choice
-    from flows.profile import Profile
     from flows.progress import reporter
     from flows.result import exit_status
     from flows.run import run_requests
     from lab.demo.run import run_demo
     from lab.demo.table import demo_table
+    from tasks.profile import Profile
 
     def run(requests: "list[Request]", told: "Reporter") -> list[dict[str, Any]]:
         return run_requests(requests, server_choice(server), workers, told, lambda _: None)

@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from flows.profile import Profile, find_profile
-from tasks.joint.settings import PriorSettings, SourcePriors
+from tasks.priors import PriorSettings, SourcePriors
+from tasks.profile import Profile, find_profile
 
-FREE = PriorSettings(range_relative=None, roll_deg=None, attitude_deg=None, psf_relative=None)
+FREE = PriorSettings(range_km=None, roll_deg=None, attitude_deg=None, psf_relative=None)
 
 
 def ablation() -> list[Profile]:

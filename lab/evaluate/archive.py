@@ -8,20 +8,23 @@ from typing import Any
 
 import numpy as np
 
+from catalog.basemap import map_of_target
 from catalog.camera import Camera, find_camera
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.pose import IN_IMAGE, Pose, read_pose_file
+from catalog.reasons import Reason
 from catalog.target import Target, find_target
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.image import correct_image
 from flows.one_image import one_result
-from flows.profile import Profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.evaluate.assess import Assessment, assess, in_sigmas
 from lab.simulate.archive import MANIFEST, read_manifest
 from tasks.joint.parameters import OFFSET, RANGE
 from tasks.joint.uncertainty import of_the_body, of_the_camera
+from tasks.profile import Profile
+from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.step import run
 
@@ -75,7 +78,7 @@ def evaluate_archive(
     ][:limit]
     if not listed:
         wanted = ", ".join([*products, *cameras])
-        raise RefusedError("nothing-to-evaluate", f"{folder} lists none of {wanted or 'them'}.", "See images.csv.")
+        raise RefusedError(Reason.NOTHING_TO_EVALUATE, f"{folder} lists none of {wanted or 'them'}.", "See images.csv.")
     work = [Job(folder, row, profile, store, pose_in_image) for profile in profiles for row in listed]
     rows = []
     for row in _rows(work, jobs):
@@ -149,7 +152,7 @@ def not_simulated(profile: Profile, truth: Pose, camera: Camera, target: Target)
     return {
         "centre_px": float(lacking[OFFSET][0]),
         "range_factor": float(lacking[RANGE]),
-        "attitude_deg": profile.joint.systematic.map_frame_deg,
+        "attitude_deg": Scene(camera, target, map_of_target(target)).map_frame_deg,
     }
 
 

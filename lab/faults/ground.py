@@ -5,9 +5,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from flows.reprocessing.claims import CLAIMS
+from flows.options import BOOKS
 from flows.reprocessing.outcomes import all_outcomes
-from flows.reprocessing.settings import BOOKS
+from flows.reprocessing.worker import CLAIMS
 from lab.faults.processes import Command
 from lab.simulate.small_archive import LIST, PROFILE_FILE, write_small_archive
 from tasks.atomic import TEMPORARY_SUFFIX

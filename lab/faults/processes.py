@@ -12,7 +12,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
+
 from flows.children import our_command
+from flows.reprocessing.pool import PROCESS_NAME
 
 PLANETPOSE = tuple(our_command())
 PATIENCE_S = 300.0
@@ -86,14 +89,14 @@ class Command:
 
     def workers(self) -> list[int]:
         """The processes that do its images, here or below a Dask worker."""
-        return [pid for pid in descendants_of(self.pid) if "flows.reprocessing.worker" in command_line(pid)]
+        return [pid for pid in descendants_of(self.pid) if PROCESS_NAME in command_line(pid)]
 
     def dask_workers(self) -> list[int]:
         """Workers of its Dask cluster."""
         return [
             pid
             for pid in children_of(self.pid)
-            if any("flows.reprocessing.worker" in command_line(child) for child in children_of(pid))
+            if any(PROCESS_NAME in command_line(child) for child in children_of(pid))
         ]
 
     def _read_events(self) -> None:
@@ -153,6 +156,13 @@ def runs(pid: int) -> bool:
         return "State:\tZ" not in Path(f"/proc/{pid}/status").read_text()
     except OSError:
         return False
+
+
+def resident_mb(pid: int) -> float | None:
+    """Resident size of a process; None when it is gone."""
+    with suppress(psutil.NoSuchProcess):
+        return round(psutil.Process(pid).memory_info().rss / 2**20, 1)
+    return None
 
 
 def wait_for(condition: Callable[[], bool], patience_s: float = PATIENCE_S) -> bool:

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from catalog.detached import label_beside
 from catalog.errors import RefusedError
-from catalog.lists.scan import LABEL_SUFFIXES, looks_like_an_image
+from catalog.lists.scan import looks_like_an_image
+from catalog.reasons import Reason
 from lab.fuzz.damage import DAMAGES
 from lab.fuzz.reader_process import ReaderProcess
 
@@ -21,7 +23,7 @@ TIMEOUT_S = 60.0
 
 @dataclass(frozen=True)
 class Original:
-    """An undamaged image and the detached label beside it."""
+    """An undamaged image and the detached label beside it; of a label that was named, the file with the pixels."""
 
     path: Path
     label: Path | None
@@ -71,10 +73,9 @@ def originals_in(folder: Path) -> list[Original]:
     found = []
     for path in sorted(folder.rglob("*")):
         if looks_like_an_image(path):
-            beside = (path.with_suffix(suffix) for suffix in LABEL_SUFFIXES)
-            found.append(Original(path, next((label for label in beside if label.is_file()), None)))
+            found.append(Original(path, label_beside(path)))
     if not found:
-        raise RefusedError("no-images", f"{folder} holds no image.", "Give the folder of real files (--folder).")
+        raise RefusedError(Reason.NO_IMAGES, f"{folder} holds no image.", "Give the folder of real files (--folder).")
     return found
 
 
@@ -85,9 +86,10 @@ def damaged_files(originals: list[Original], count: int, seed: int, folder: Path
         random = np.random.default_rng([seed, number])
         original = originals[number % len(originals)]
         damage = names[(number // len(originals)) % len(names)]
-        path = folder / f"damaged{number}{original.path.suffix}"
         content, label = original.path.read_bytes(), original.label
-        beside = None if label is None else path.with_suffix(label.suffix)
+        path, beside = folder / f"damaged{number}{original.path.suffix}", None
+        if label is not None:  # the two know each other by their names
+            path, beside = folder / original.path.name, folder / label.name
         if label is not None and beside is not None and random.random() < 0.2:
             beside.write_bytes(DAMAGES[damage](label.read_bytes(), random))
         else:

@@ -9,11 +9,12 @@ from typing import Any
 
 from catalog.errors import FailedError, RefusedError
 from catalog.readers import read_frame
+from catalog.reasons import Reason
 from flows.one_image import one_result
-from flows.profile import find_profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.fuzz.bench import Damaged, Original, damaged_files
+from tasks.profile import find_profile
 from tasks.step import run
 
 RIGHT_PX = 1.0
@@ -45,7 +46,7 @@ def correct_damaged(
         sound = corrected(original.path, place, passes)
         if sound["status"] != "ok":
             raise FailedError(
-                "fuzz-original", f"the undamaged {original.path} is {sound['status']}: {sound['reason']}."
+                Reason.FUZZ_ORIGINAL, f"the undamaged {original.path} is {sound['status']}: {sound['reason']}."
             )
         for damaged in damaged_files([original], TRIES_PER_RESULT * count, seed, place):
             if is_read(damaged.path):

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from flows.defaults import DEFAULT_PROFILE
+from catalog.settings import DEFAULT_PROFILE
 
 
 def honesty(

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalog.digest import sha256_of_file, sha256_of_json
-from flows.profile import Profile
 from lab.honesty.scene import Scene
 from lab.honesty.table import all_scenes
+from tasks.profile import Profile
 
 if TYPE_CHECKING:
     from flows.chain import Chain

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from lab.honesty.table import UNMAPPED, Draw, Fields, group, usual
+from lab.honesty.table_surfaces import UNMAPPED, Draw, Fields, group, usual
 
 ANGLES_DEG = (0.5, 1.0, 2.0, 4.0, 8.0, 12.0, 20.0, 30.0, 45.0, 60.0, 90.0, 135.0, 180.0)
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from lab.honesty.scene import Other
-from lab.honesty.table import Draw, Fields, group, others_of, usual
+from lab.honesty.table_surfaces import Draw, Fields, group, others_of, usual
 
 
 @group

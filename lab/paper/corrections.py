@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from flows.one_image import one_result
-from flows.profile import Profile, find_profile
 from flows.progress import Silent
 from flows.request import Request
 from lab.paper.real_images import REAL_IMAGES
 from lab.paper.section import Context
+from tasks.profile import Profile, find_profile
 from tasks.step import run
 
 STORE, POSES = "paper", "poses"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from lab.paper.section import Cell, Table
 
 EVALUATION_FILES = ("evaluate.json", "evaluation.json")
@@ -25,12 +26,12 @@ def read_evaluation(folder: Path) -> dict[str, list[dict[str, Any]]]:
     path = next((folder / name for name in EVALUATION_FILES if (folder / name).is_file()), None)
     remedy = "Give the folder that `planetpose evaluate --out` wrote."
     if path is None:
-        raise RefusedError("evaluation-missing", f"{folder} holds no {EVALUATION_FILES[0]}.", remedy)
+        raise RefusedError(Reason.EVALUATION_MISSING, f"{folder} holds no {EVALUATION_FILES[0]}.", remedy)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         return {"images": content["images"], "summary": content.get("summary", [])}
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise RefusedError("evaluation-unreadable", f"{path} is no evaluation ({error!r}).", remedy) from error
+        raise RefusedError(Reason.EVALUATION_UNREADABLE, f"{path} is no evaluation ({error!r}).", remedy) from error
 
 
 def by_profile(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str, Any]]]:

@@ -3,13 +3,13 @@
 from pathlib import Path
 from typing import Any
 
-from flows.profile import find_profile
 from lab.paper.corrections import corrected, there
 from lab.paper.real_images import REAL_IMAGES
 from lab.paper.section import NO_DATA, Context, Picture, Section, Table
 from tasks.pictures.limb_figures import write_limb_figures
 from tasks.pictures.limb_profiles import LimbComparison, compare_limbs
 from tasks.pictures.product import read_product
+from tasks.profile import find_profile
 
 NAME = "limb"
 TITLE = "Limb segments, before and after the correction"

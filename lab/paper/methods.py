@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from flows.profile import find_profile
 from flows.verdict import PUBLISHED
 from lab.paper.charts import centres_figure
 from lab.paper.corrections import corrected, method_profile, there
 from lab.paper.real_images import REAL_IMAGES
 from lab.paper.section import NO_DATA, Cell, Compared, Context, Picture, Section, Table
 from tasks.point.registration import REGISTRATIONS
+from tasks.profile import find_profile
 
 NAME = "methods"
 TITLE = "Real images by every registration"

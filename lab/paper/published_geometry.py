@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalog.camera import find_camera
 from catalog.pose import PartialPose
+from catalog.robust import sigma_about_zero
 from catalog.rotation import vector_deg_from_rotation
 from catalog.spice import kernel_pool
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
@@ -179,4 +180,4 @@ def one_image_sigma(differences: Sequence[float]) -> float | None:
     """1-sigma error of one image from differences of pairs (each has the errors of two); robust, by the median."""
     if not differences:
         return None
-    return float(1.4826 * np.median(np.abs(differences)) / np.sqrt(2))
+    return sigma_about_zero(np.asarray(differences)) / np.sqrt(2)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import FailedError, RefusedError
+from catalog.reasons import Reason
 from catalog.settings import cache_folder, data_folder
 from catalog.times import now_utc
 from lab.paper.page import page
@@ -63,7 +64,7 @@ def checked_names(only: Sequence[str] | None) -> list[str]:
     unknown = sorted(set(only or ()) - set(PARTS))
     if unknown:
         raise RefusedError(
-            "part-unknown", f"the report has no part {', '.join(unknown)}.", f"Its parts are {', '.join(PARTS)}."
+            Reason.PART_UNKNOWN, f"the report has no part {', '.join(unknown)}.", f"Its parts are {', '.join(PARTS)}."
         )
     return [name for name in PARTS if not only or name in only]
 

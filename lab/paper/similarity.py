@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from flows.profile import find_profile
 from lab.paper.corrections import corrected, there
 from lab.paper.real_images import REAL_IMAGES
 from lab.paper.section import NO_DATA, Compared, Context, Section, Table
+from tasks.profile import find_profile
 
 NAME = "similarity"
 TITLE = "Similarity: before and after, and against VICAR's undistortion"

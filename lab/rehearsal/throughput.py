@@ -75,8 +75,8 @@ def _reprocess(images: Path, place: Path, address: str, workers: int) -> dict[st
 
     with temporary_settings({PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
         state = reprocess(
-            str(images),
-            str(place / "store"),
+            images=str(images),
+            store=str(place / "store"),
             profile=str(images.parent / PROFILE_FILE),
             workers=2 * workers,  # one more waits at every worker
             runner=f"dask:{address}",

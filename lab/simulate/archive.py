@@ -10,6 +10,7 @@ from catalog.basemap import BaseMap, map_of_target
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.pose import write_pose_file
+from catalog.reasons import Reason
 from catalog.target import find_target
 from catalog.times import utc_from_et
 from lab.simulate.cameras import other_map
@@ -76,7 +77,7 @@ def simulate_europa57(
     ][:limit]
     if not entries:
         raise RefusedError(
-            "nothing-to-simulate",
+            Reason.NOTHING_TO_SIMULATE,
             f"no image of {EUROPA57} is among {[*products, *cameras]}.",
             f"It has, for example, {', '.join(list(paper_images())[:3])}.",
         )
@@ -164,8 +165,8 @@ def read_manifest(path: Path) -> list[dict[str, str]]:
         with path.open(newline="", encoding="utf-8") as file:
             rows = list(csv.DictReader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise RefusedError("archive-unreadable", f"list {path} cannot be read ({error}).", remedy) from error
+        raise RefusedError(Reason.ARCHIVE_UNREADABLE, f"list {path} cannot be read ({error}).", remedy) from error
     missing = {"product", "image", "camera", "target", "pose_file", "truth_file"} - set(rows[0] if rows else ())
     if missing:
-        raise RefusedError("archive-invalid", f"list {path} lacks {', '.join(sorted(missing))}.", remedy)
+        raise RefusedError(Reason.ARCHIVE_INVALID, f"list {path} lacks {', '.join(sorted(missing))}.", remedy)
     return rows

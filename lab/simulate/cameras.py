@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict
 
 from catalog.basemap import BaseMap, read_map
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.settings import data_folder
 from catalog.target import Target
 
@@ -67,7 +68,7 @@ def simulated_camera(name: str) -> SimulatedCamera:
     found = simulated_cameras().get(name)
     if found is None:
         raise RefusedError(
-            "camera-not-simulated",
+            Reason.CAMERA_NOT_SIMULATED,
             f"{FILE.name} of lab/simulate says nothing about camera {name!r}.",
             f"It knows {', '.join(simulated_cameras())}.",
         )

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap
 from lab.simulate.randomness import SmoothField
+from tasks.geometry.bilinear import map_values
 from tasks.photometry.hapke import HapkeSurface, hapke
 from tasks.simulate.photometry import lambert, lommel_seeliger, lunar_lambert
 
@@ -33,7 +34,7 @@ class TrueSurface:
         """Relative brightness (n,) of places seen in directions `unit` (n, 3) from the centre, body-fixed."""
         latitude = np.degrees(np.arcsin(np.clip(unit[:, 2], -1, 1)))
         longitude = np.degrees(np.arctan2(unit[:, 1], unit[:, 0]))
-        albedo = self.basemap.sample(latitude, longitude).astype(np.float64)
+        albedo = map_values(self.basemap.albedo, self.basemap.left_edge_deg, latitude, longitude)
         if self.map_field is not None:
             albedo = albedo * np.maximum(1 + self.map_error * self.map_field(unit), 0.1)
         region = np.zeros_like(mu0) if self.region is None else self.region(unit)

@@ -43,10 +43,10 @@ class MeanFactor:
 
 def mean_factors(images: Sequence[Measurement]) -> list[MeanFactor]:
     """One per camera, by name; images whose range was held tell nothing and are left out."""
-    told = [image for image in images if not image.held[RANGE]]
+    solved = [image for image in images if not image.held[RANGE]]
     found = []
-    for camera in sorted({image.camera.name for image in told}):
-        own = [image for image in told if image.camera.name == camera]
+    for camera in sorted({image.camera.name for image in solved}):
+        own = [image for image in solved if image.camera.name == camera]
         logs = np.array([image.step[RANGE] for image in own])
         variances = np.array([image.covariance[RANGE, RANGE] for image in own])
         mean, sigma, scatter = random_effects_mean(logs, variances)

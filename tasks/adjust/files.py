@@ -7,6 +7,7 @@ from typing import Any
 from catalog.camera import camera_from_dict
 from catalog.errors import RefusedError
 from catalog.pose import Pose, write_pose_file
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.adjust.measurement import Measurement, measurement_of
 from tasks.atomic import file_put_in_place
@@ -20,7 +21,9 @@ REPORT = "adjust.json"
 def measurement_in(folder: Path) -> Measurement:
     """The joint result of a product's folder. Raises RefusedError when there is none."""
     if not (folder / CUBE).is_dir():
-        raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a store of `planetpose correct`.")
+        raise RefusedError(
+            Reason.PRODUCT_MISSING, f"{folder} holds no {CUBE}.", "Give a store of `planetpose correct`."
+        )
     with reading_product(folder):
         with open_cube(folder / CUBE) as cube:
             attributes = {

@@ -41,8 +41,8 @@ class Problem:
     @property
     def counts(self) -> NDArray[np.int64]:
         """Number of measurements of each kind (4,)."""
-        told = np.diagonal(self.matrix, axis1=1, axis2=2) > 0
-        return np.array([np.count_nonzero(told[:, kind == KIND_OF]) for kind in range(len(KINDS))])
+        informed = np.diagonal(self.matrix, axis1=1, axis2=2) > 0
+        return np.array([np.count_nonzero(informed[:, kind == KIND_OF]) for kind in range(len(KINDS))])
 
     def chi_square_of(self, kind: int, settings: AdjustSettings) -> float:
         """Of the images about what they share of one kind, when they may differ in all others."""
@@ -51,7 +51,7 @@ class Problem:
         everybody = np.ones(len(self.matrix))
         return float(self.distances(self.solved(scatter, everybody).theta, scatter).sum())
 
-    def told(self, scatter: Array, weights: Array) -> tuple[Array, Array, Array]:
+    def marginal_information(self, scatter: Array, weights: Array) -> tuple[Array, Array, Array]:
         """Information on what is shared (n, 6, 6) and (n, 6), the scatter being part of the noise; and the matrix T (I
         + N T)^-1 (n, 6, 6), the covariance of an image's own part."""
         matrix, vector = weights[:, None, None] * self.matrix, weights[:, None] * self.vector
@@ -63,7 +63,7 @@ class Problem:
 
     def solved(self, scatter: Array, weights: Array) -> Solved:
         """theta by generalised least squares, and the restricted likelihood of the scatter."""
-        matrix, vector, own = self.told(scatter, weights)
+        matrix, vector, own = self.marginal_information(scatter, weights)
         flat = self.design.reshape(-1, len(self.prior))
         normal = flat.T @ (matrix @ self.design).reshape(flat.shape) + np.diag(self.prior)
         right = flat.T @ vector.ravel()
@@ -121,24 +121,24 @@ class Problem:
 
     def _typical(self, kind: int) -> float:
         """Error of an image's unknown of this kind when the others are known."""
-        told = self.matrix[:, np.arange(len(SHARED)), np.arange(len(SHARED))][:, kind == KIND_OF]
-        return float(np.median(1 / np.sqrt(np.maximum(told, 1e-9)))) if (told > 0).any() else 1.0
+        information = self.matrix[:, np.arange(len(SHARED)), np.arange(len(SHARED))][:, kind == KIND_OF]
+        return float(np.median(1 / np.sqrt(np.maximum(information, 1e-9)))) if (information > 0).any() else 1.0
 
     def distances(self, theta: Array, scatter: Array) -> Array:
         """Squared distance (n,) of each image from what it shares, in its own sigmas and the scatter's."""
-        matrix, vector, _ = self.told(scatter, np.ones(len(self.matrix)))
+        matrix, vector, _ = self.marginal_information(scatter, np.ones(len(self.matrix)))
         expected = self.design @ theta
         found = np.empty(len(matrix))
-        for i, (told, right) in enumerate(zip(matrix, vector, strict=True)):
-            away = right - told @ expected[i]
-            unit = 1 / np.sqrt(np.maximum(np.diag(told), 1e-300))
-            inverse = np.linalg.pinv(told * np.outer(unit, unit), rcond=1e-9, hermitian=True)
+        for i, (information, right) in enumerate(zip(matrix, vector, strict=True)):
+            away = right - information @ expected[i]
+            unit = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+            inverse = np.linalg.pinv(information * np.outer(unit, unit), rcond=1e-9, hermitian=True)
             found[i] = (away * unit) @ inverse @ (away * unit)
         return found
 
     def images(self, solved: Solved, scatter: Array, weights: Array) -> tuple[Array, Array]:
         """Each image's unknowns (n, 6) and their covariance (n, 6, 6): what is shared, and its own part."""
-        _, _, own = self.told(scatter, weights)
+        _, _, own = self.marginal_information(scatter, weights)
         matrix, vector = weights[:, None, None] * self.matrix, weights[:, None] * self.vector
         expected = self.design @ solved.theta
         part = np.einsum("nij,nj->ni", own, vector - np.einsum("nij,nj->ni", matrix, expected))

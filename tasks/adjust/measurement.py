@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.target import Target
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State
@@ -19,7 +20,7 @@ Array = NDArray[np.float64]
 LIGHT_KM_S = 299792.458
 # The shared unknowns: all but the centre.
 SHARED = tuple(range(OFFSET.stop, len(NAMES)))
-NOT_JOINT = "not-joint"
+NOT_JOINT = Reason.NOT_JOINT
 
 
 @dataclass(frozen=True)
@@ -68,9 +69,9 @@ class Measurement:
         scaled_prior = np.diag((scale / self.sigmas[free]) ** 2)
         values, vectors = np.linalg.eigh(inverse - scaled_prior)
         # Where robust errors are larger than the prior allows, the picture says nothing.
-        told = values > 1e-9 * values.max()
-        kept = (vectors[:, told] * values[told]) @ vectors[:, told].T
-        vector = vectors[:, told] @ vectors[:, told].T @ inverse @ (self.step[free] / scale)
+        observed = values > 1e-9 * values.max()
+        kept = (vectors[:, observed] * values[observed]) @ vectors[:, observed].T
+        vector = vectors[:, observed] @ vectors[:, observed].T @ inverse @ (self.step[free] / scale)
         places = free - OFFSET.stop
         matrix[np.ix_(places, places)] = kept / np.outer(scale, scale)
         right[places] = vector / scale
@@ -158,7 +159,7 @@ def _last_joint(product: str, provenance: Any) -> Any:
         )
     if found[-1]["evidence"]["predicted_to_free"] is None:
         raise RefusedError(
-            "target-behind-camera",
+            Reason.TARGET_BEHIND_CAMERA,
             f"the predicted pose of {product} looks away from the target, so that there is no offset to adjust.",
             "Correct it with a pose file whose camera_from_j2000 has the target in front.",
         )

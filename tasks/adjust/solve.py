@@ -66,10 +66,10 @@ def adjust(images: Sequence[Measurement], settings: AdjustSettings) -> Adjustmen
         raise ValueError("no images to adjust")
     cameras = sorted({image.camera.name for image in images})
     sequences = sequences_of(images, settings.gap_s)
-    told = [image.information for image in images]
+    information = [image.information for image in images]
     problem = Problem(
-        np.array([matrix for matrix, _ in told]),
-        np.array([vector for _, vector in told]),
+        np.array([matrix for matrix, _ in information]),
+        np.array([vector for _, vector in information]),
         _designs(images, cameras, sequences),
         _priors(images, cameras, sequences, settings),
     )

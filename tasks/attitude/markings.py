@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.texture import Texture, texture_of
 from tasks.simulate import Scene
@@ -67,7 +68,7 @@ class Markings:
         return {key: round(v, 3) if isinstance(v, float) else v for key, v in values.items()}
 
 
-def judged_markings(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> Markings:
+def markings_at_pose(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> Markings:
     """The verdict on the orientation of `pose`, whose centre and range must be right to a pixel.
 
     prior_deg: 1-sigma of the orientation's prior; other orientations are looked for within some times that.
@@ -77,10 +78,10 @@ def judged_markings(observation: Observation, pose: Pose, scene: Scene, prior_de
     texture = texture_of(observation, pose, scene)
     if texture is None:
         return Markings("undetermined")
-    return judged(texture, prior_deg)
+    return compared_markings(texture, prior_deg)
 
 
-def judged(texture: Texture, prior_deg: float) -> Markings:
+def compared_markings(texture: Texture, prior_deg: float) -> Markings:
     """The verdict on the orientation at which `texture` was made."""
     by_chance, independent = chance(texture), measurements(texture)
     other = max(evidence_of(found, independent) for found in by_chance)
@@ -90,7 +91,7 @@ def judged(texture: Texture, prior_deg: float) -> Markings:
     overall, contrast = texture.correlation(np.eye(3))
     turn, found = best_turn(texture, independent, prior_deg)
     expected = signed_root(expected_evidence(texture, independent))
-    told: dict[str, Any] = {
+    figures: dict[str, Any] = {
         "correlation": overall,
         "sigmas": signed_root(here),
         "contrast": contrast,
@@ -100,21 +101,21 @@ def judged(texture: Texture, prior_deg: float) -> Markings:
     # The peak of its own correlation is some pixels wide.
     elsewhere = float(np.linalg.norm(turn)) > OWN_PEAK_PX * texture.pixel_deg
     if found > FOUND and is_better(found, here) and elsewhere:
-        told |= {"better_deg": turn, "better_sigmas": signed_root(found)}
-        return Markings("mismatched", **told)
+        figures |= {"better_deg": turn, "better_sigmas": signed_root(found)}
+        return Markings("mismatched", **figures)
     if other_longitude > FOUND and is_better(other_longitude, here):
-        told |= {"better_deg": around, "better_sigmas": signed_root(other_longitude)}
-        return Markings("mismatched", **told)
+        figures |= {"better_deg": around, "better_sigmas": signed_root(other_longitude)}
+        return Markings("mismatched", **figures)
     if here > SEEN and is_better(here, other):
-        return Markings("matched", **told)
+        return Markings("matched", **figures)
     if max(signed_root(here), signed_root(found)) < expected - ABSENT_SIGMAS:
-        return Markings("mismatched", **told)
+        return Markings("mismatched", **figures)
     contrasts, errors = contrasts_of(texture, independent)
     weight = errors**-2.0
-    told["contrast"] = float((contrasts * weight).sum() / weight.sum())
-    if told["contrast"] + ABSENT_SIGMAS * weight.sum() ** -0.5 < EXCLUDED_CONTRAST:
-        return Markings("mismatched", **told)
-    return Markings("undetermined", **told)
+    figures["contrast"] = float((contrasts * weight).sum() / weight.sum())
+    if figures["contrast"] + ABSENT_SIGMAS * weight.sum() ** -0.5 < EXCLUDED_CONTRAST:
+        return Markings("mismatched", **figures)
+    return Markings("undetermined", **figures)
 
 
 def is_better(evidence: float, than: float) -> bool:
@@ -224,7 +225,8 @@ def mismatch_of(markings: Markings) -> str:
         sigmas = f"{markings.better_sigmas:.0f} sigmas"
         seen = f"the map's markings match better ({sigmas}) with the body turned by {angle:.1f} deg"
     return (
-        f"markings-do-not-match: {seen} (correlation {markings.correlation:.2f}). Check the predicted attitude, the "
+        f"{Reason.MARKINGS_DO_NOT_MATCH}: "
+        f"{seen} (correlation {markings.correlation:.2f}). Check the predicted attitude, the "
         f"target, whether the picture is mirrored or turned (--flip), and the base map."
     )
 

@@ -10,10 +10,11 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
-from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, judged_markings
+from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, markings_at_pose
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -45,9 +46,9 @@ class AttitudeSettings(BaseModel):
     paper: once); it has settled when a turn is smaller than settle_deg, or than half its own error, or when the turns
     go to and fro within rest_px at the limb, or their error, of the middle of their way, which is then taken.
 
-    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn; map_frame_deg: how far a
-    map lies from the frame of its body's coordinates, about each axis, as of the joint step. Both are in the stated
-    error, beside the scatter of the flow; place_px is measured (docs/method/uncertainty.md)."""
+    place_px: error of the disk's place in the image, 1-sigma, which the flow takes for a turn. It and the map's
+    frame (`Scene.map_frame_deg`) are in the stated error, beside the scatter of the flow; place_px is measured
+    (docs/method/uncertainty.md)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     template_px: int = Field(13, ge=3)
@@ -62,7 +63,6 @@ class AttitudeSettings(BaseModel):
     settle_deg: float = Field(0.01, gt=0)
     rest_px: float = Field(REST_PX, ge=0)
     place_px: float = Field(0.1, ge=0)
-    map_frame_deg: float = Field(0.1, ge=0)
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def find_attitude(
         turns.append({"reduction": reduction, **turn.evidence})
         turned = turn.pose
         if progress:
-            progress("attitude", iteration, told(turn))
+            progress("attitude", iteration, turn_text(turn))
         if iteration < len(reductions):
             continue
         if turn.vector_deg is None or turn.sigma_deg is None:
@@ -139,15 +139,16 @@ def find_attitude(
         evidence |= {"undetermined": reason, "settled": None}
         if turn.evidence.get("mismatch") or "not believable" in reason:
             evidence["doubt"] = (
-                f"markings-do-not-match: {reason}. Check the predicted attitude, the camera's roll and the base map."
+                f"{Reason.MARKINGS_DO_NOT_MATCH}: "
+                f"{reason}. Check the predicted attitude, the camera's roll and the base map."
             )
         return Correction("attitude", pose, {"attitude_deg": None}, {"attitude_deg": None}, evidence)
     stated, formal = None, turn.sigma_deg
     if formal is not None:
         evidence[FORMAL] = {"attitude_deg": formal.tolist()}
-        systematic = np.hypot(settings.map_frame_deg, np.degrees(settings.place_px / radius))
+        systematic = np.hypot(scene.map_frame_deg, np.degrees(settings.place_px / radius))
         stated = np.hypot(formal, systematic).tolist()
-        evidence["map_frame_deg"] = settings.map_frame_deg
+        evidence["map_frame_deg"] = scene.map_frame_deg
     return Correction("attitude", turned, {"attitude_deg": whole.tolist()}, {"attitude_deg": stated}, evidence, settled)
 
 
@@ -197,7 +198,7 @@ def why_not_so_far(
     """Why a turn of the body by `whole_deg` (3,) is larger than can be believed, or None."""
     angle = float(np.linalg.norm(whole_deg))
     limit = CONFLICT_SIGMAS * prior_deg if settings.max_deg is None else settings.max_deg
-    if angle <= limit or is_borne_out(judged_markings(observation, turned, scene, prior_deg)):
+    if angle <= limit or is_borne_out(markings_at_pose(observation, turned, scene, prior_deg)):
         return None
     return (
         f"a turn of {angle:.1f} deg is not believable (limit {limit:g} deg), "
@@ -205,7 +206,7 @@ def why_not_so_far(
     )
 
 
-def told(turn: Turn) -> str:
+def turn_text(turn: Turn) -> str:
     """The estimate for the progress display."""
     if turn.vector_deg is None:
         return f"no turn: {turn.evidence['reason']}"

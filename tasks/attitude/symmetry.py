@@ -6,6 +6,7 @@ from typing import Any
 from catalog.flips import MEANINGS, PLACES, Flip
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.attitude.markings import FOUND, Markings, best_turn, is_better, is_borne_out, measurements
 from tasks.attitude.texture import Texture, texture_of
 from tasks.simulate import Scene
@@ -69,6 +70,6 @@ def doubt_of_symmetry(symmetry: Symmetry) -> str:
     """The doubt, as `code: fault. Remedy.`"""
     margin = f" ({symmetry.sigmas:.0f} sigmas)" if symmetry.sigmas else ""
     return (
-        f"picture-is-flipped: {symmetry.by} fit better{margin} with the picture {MEANINGS[symmetry.flip]}. "
+        f"{Reason.PICTURE_IS_FLIPPED}: {symmetry.by} fit better{margin} with the picture {MEANINGS[symmetry.flip]}. "
         f"Try --flip {symmetry.flip}."
     )

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from catalog.flips import PLACES, Flip
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.compare.occulted import light_behind
 from tasks.compare.reduce import reduced_observation, reduced_scene
+from tasks.geometry.bilinear import map_values
 from tasks.project.points import body_points
 from tasks.simulate import Scene
 from tasks.simulate.coarse_map import map_as_coarse_as
@@ -137,7 +139,7 @@ def texture_of(observation: Observation, pose: Pose, scene: Scene, flip: Flip | 
     value = (seen - shading) * weight
     value = value - smooth @ (smooth.T @ value)
     # A few bright dots would else be the markings.
-    spread = 1.4826 * float(np.median(np.abs(value)))
+    spread = sigma_about_zero(value)
     value = np.clip(value, -4 * spread, 4 * spread) if spread > 0 else value
     value = value - smooth @ (smooth.T @ value)
     expected = float(((error * weight) ** 2).sum()) * max(1 - smooth.shape[1] / len(value), 0.05)
@@ -205,24 +207,14 @@ def fitted_shading(laws: Array, seen: Array, noise: Array, mu0: Array) -> tuple[
         error = np.sqrt(noise**2 + (LAW_ERROR * shading) ** 2 + (LAW_ERROR * DUSK / mu0 * typical) ** 2)
         weight = 1 / np.maximum(error, 1e-9)
         off = np.abs(seen - shading) * weight
-        limit = HUBER * max(1.4826 * float(np.median(off)), 1e-9)
-        factor = np.sqrt(np.minimum(1.0, limit / np.maximum(off, 1e-12)))
+        factor = np.sqrt(huber_weight(off, HUBER * max(sigma_about_zero(off), 1e-9)))
     return shading, weight * factor
 
 
 def sampled(albedo: NDArray[np.float32], left_edge_deg: float, points: Array) -> Array:
-    """Bilinear map value (n,) at directions (n, 3)."""
-    rows, columns = albedo.shape
+    """Map value (n,) at directions (n, 3)."""
     x, y, z = points.T
-    u = (np.arctan2(y, x) - np.radians(left_edge_deg)) * (columns / (2 * np.pi)) - 0.5
-    v = np.clip((np.pi / 2 - np.arcsin(np.clip(z, -1, 1))) * (rows / np.pi) - 0.5, 0, rows - 1.000001)
-    left, top = np.floor(u), np.floor(v)
-    a, b = u - left, v - top
-    i, j = left.astype(np.int64) % columns, top.astype(np.int64)
-    i2, j2 = (i + 1) % columns, np.minimum(j + 1, rows - 1)
-    upper = albedo[j, i] * (1 - a) + albedo[j, i2] * a
-    lower = albedo[j2, i] * (1 - a) + albedo[j2, i2] * a
-    return np.asarray(upper * (1 - b) + lower * b, np.float64)
+    return map_values(albedo, left_edge_deg, np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))
 
 
 def flipped_about(

@@ -4,6 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
+from catalog.robust import sigma_about_zero
 from tasks.compare.match import Match
 
 HUBER = 3.0
@@ -42,7 +44,7 @@ def robust_least_squares(
     count = int(np.count_nonzero(base > 0))
     if count <= n:
         fault = "no usable pixels lie under the simulated target."
-        raise FailedError("no-usable-pixels", fault, "Check the predicted pose, --start-offset and --mask.")
+        raise FailedError(Reason.NO_USABLE_PIXELS, fault, "Check the predicted pose, --start-offset and --mask.")
     stride = max(1, base.size // SIGMA_SAMPLES)
     limit = np.inf
     solution = np.zeros(n)
@@ -53,7 +55,7 @@ def robust_least_squares(
         inverse /= np.outer(scale, scale)
         solution = inverse @ right
         residual = residuals(design, values, base, solution, stride)
-        limit = HUBER * max(1.4826 * float(np.median(residual)) if residual.size else 0.0, 1e-9)
+        limit = HUBER * max(sigma_about_zero(residual) if residual.size else 0.0, 1e-9)
     _, _, chi_square = accumulate(design, values, base, solution, limit)
     chi_square = float(chi_square) / (count - n)
     return solution, inverse * chi_square, chi_square

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
+from catalog.robust import sigma_about_median
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import Match
 from tasks.compare.segments import Segments, limb_segments, profiles
@@ -103,7 +104,7 @@ def usable_segments(segments: Segments, match: Match, model: Array, settings: Li
     if len(lit) == 0:
         return lit
     sky = match.usable & (match.simulation.coverage < 1e-3)
-    noise = 1.4826 * float(np.median(np.abs(match.image[sky] - np.median(match.image[sky])))) if sky.any() else 0.0
+    noise = sigma_about_median(match.image[sky]) if sky.any() else 0.0
     span = steps.max(axis=1) - steps.min(axis=1)
     clear = span > settings.min_contrast * noise
     if match.simulation.hides:

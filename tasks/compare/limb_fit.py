@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.compare.limb_edges import LimbEdges
 from tasks.compare.limb_errors import CORRELATED_SEGMENTS, directions_deg, limb_covariance
 
@@ -38,7 +40,7 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
     """
     if len(edges.shift_px) < min_points:
         raise FailedError(
-            "limb-not-measured",
+            Reason.LIMB_NOT_MEASURED,
             f"only {len(edges.shift_px)} segments of the lit limb could be measured{disk_size(edges, centre_px)}, "
             f"needed {min_points}.",
             "Too little of the lit limb is in the frame, range and pointing are far off, or the disk is less than "
@@ -53,8 +55,8 @@ def fit_limb(edges: LimbEdges, centre_px: Array, solve_growth: bool, min_points:
         weighted = design * weight[:, None]
         solution = np.linalg.lstsq(weighted.T @ design, weighted.T @ values, rcond=None)[0]
         residual = np.abs(values - design @ solution)
-        sigma = max(1.4826 * float(np.median(residual)), 1e-6)
-        weight = np.minimum(1.0, HUBER * sigma / np.maximum(residual, 1e-12))
+        sigma = max(sigma_about_zero(residual), 1e-6)
+        weight = huber_weight(residual, HUBER * sigma)
     left = values - design @ solution
     normal_matrix = (design * weight[:, None]).T @ design / CORRELATED_SEGMENTS
     covariance, noise = np.zeros((3, 3)), np.zeros((3, 3))

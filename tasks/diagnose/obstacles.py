@@ -3,33 +3,40 @@
 import numpy as np
 
 from catalog.observation import Observation, Quality
+from catalog.reasons import Reason
 from tasks.compare.limb_edges import lit_limit_deg, measure_limb
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.segments import limb_segments, profiles
+from tasks.diagnose.diagnosis import Diagnosis
 from tasks.diagnose.settings import DiagnoseSettings
-from tasks.diagnose.telling import Diagnosis
-from tasks.diagnose.trying import Explanation
+from tasks.diagnose.trials import Explanation
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 from tasks.validate.limb import ValidateSettings, margin_px
 
 LIMB = ValidateSettings()
 FLAGS = {
-    "limb-outside": Quality(0),
-    "limb-saturated": Quality.SATURATED,
-    "limb-masked": Quality.MASKED_BY_USER,
-    "limb-missing": Quality.MISSING | Quality.RESEAU | Quality.OUTSIDE_WINDOW,
+    Reason.LIMB_OUTSIDE: Quality(0),
+    Reason.LIMB_SATURATED: Quality.SATURATED,
+    Reason.LIMB_MASKED: Quality.MASKED_BY_USER,
+    Reason.LIMB_MISSING: Quality.MISSING | Quality.RESEAU | Quality.OUTSIDE_WINDOW,
 }
 # Code, what is told of it, and what to do; in the order in which a segment is counted.
 COVERS = {
-    "limb-outside": ("beyond the edge of the frame", "Only frames that show a lit limb can be corrected."),
-    "limb-saturated": ("on saturated pixels", "Choose a shorter exposure: a clipped limb does not tell where it is."),
-    "limb-masked": ("on pixels that the mask takes out", "Give a mask that leaves the lit limb free."),
-    "limb-missing": (
+    Reason.LIMB_OUTSIDE: ("beyond the edge of the frame", "Only frames that show a lit limb can be corrected."),
+    Reason.LIMB_SATURATED: (
+        "on saturated pixels",
+        "Choose a shorter exposure: a clipped limb does not tell where it is.",
+    ),
+    Reason.LIMB_MASKED: ("on pixels that the mask takes out", "Give a mask that leaves the lit limb free."),
+    Reason.LIMB_MISSING: (
         "on missing or flagged pixels",
         "Give the whole picture, or check what flags its pixels (reseau marks, filling).",
     ),
-    "limb-faint": ("where its step does not stand out of the noise", "Choose a longer exposure, or average frames."),
+    Reason.LIMB_FAINT: (
+        "where its step does not stand out of the noise",
+        "Choose a longer exposure, or average frames.",
+    ),
 }
 
 
@@ -70,12 +77,12 @@ def shares_of_limb(observation: Observation, found: Explanation, scene: Scene) -
     match = match_scene(observation, fine, pose, framed_window(fine, pose, margin_px=margin_px(LIMB)))
     free = measure_limb(match, LIMB).tried if match.usable.any() else 0
     left = np.ones(len(lit), bool)
-    counts: dict[str, int] = {}
+    counts: dict[Reason, int] = {}
     for cover, flag in FLAGS.items():
         pixels = profiles(((observation.quality & np.uint16(flag)) != 0).astype(float), lit, (0, 0), LIMB.half_px)
-        hit = left & (~np.isfinite(pixels) if cover == "limb-outside" else pixels > 0).any(axis=1)
+        hit = left & (~np.isfinite(pixels) if cover == Reason.LIMB_OUTSIDE else pixels > 0).any(axis=1)
         counts[cover] = int(np.count_nonzero(hit))
         left &= ~hit
-    counts["limb-faint"] = max(int(np.count_nonzero(left)) - free, 0)
+    counts[Reason.LIMB_FAINT] = max(int(np.count_nonzero(left)) - free, 0)
     shares = {cover: count / len(lit) for cover, count in counts.items()}
     return shares | {"free": free / len(lit)}

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
+from catalog.robust import sigma_about_median
 
 Array = NDArray[np.float64]
 # Blocks of so many to each side of the frame; light that is smooth over the frame is even within one.
@@ -42,7 +43,7 @@ def without_stray_light(observation: Observation) -> Even | None:
             return None
         coefficients = np.asarray(np.linalg.lstsq(columns[kept], values[kept], rcond=None)[0], np.float64)
         residual = values - columns @ coefficients
-        sigma = 1.4826 * float(np.median(np.abs(residual[kept] - np.median(residual[kept]))))
+        sigma = sigma_about_median(residual[kept])
         now = residual < CLIPPED_SIGMAS * sigma + 1e-9 * max(float(np.abs(values).max()), 1e-9)
         if (now == kept).all():
             break

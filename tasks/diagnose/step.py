@@ -7,8 +7,8 @@ import numpy as np
 from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
-from tasks.diagnose.judging import cause_of
-from tasks.diagnose.telling import MAP, OTHER, STRAY, Diagnosis
+from tasks.diagnose.choice import cause_of
+from tasks.diagnose.diagnosis import MAP, OTHER, STRAY, Diagnosis
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.plain import plain
 from tasks.point.rotation import pose_pointed_at
@@ -69,17 +69,17 @@ def run(inputs: DiagnoseInputs, files: SceneFiles, work: Work) -> DiagnoseResult
     diagnosis: Diagnosis | None = None
     if inputs.try_explanations:
         found, diagnosis = examined(observation, predicted, scene, inputs.settings, work.progress)
-    told = [explanation.told(scene) for explanation in found]
+    summaries = [explanation.to_dict(scene) for explanation in found]
     best = pictured(found, diagnosis)
     title = f"{inputs.product}: {inputs.reason.partition(':')[0]}"
     after = best.pose if best else predicted
     draw_overlay(
         observation.image, predicted, after, scene.camera, scene.target, work.folder / OVERLAY, title, "best limb"
     )
-    content: Json = {"reason": inputs.reason, "predicted": predicted.to_dict(), "explanations": plain(told)}
+    content: Json = {"reason": inputs.reason, "predicted": predicted.to_dict(), "explanations": plain(summaries)}
     content["best_pose"] = best.pose.to_dict() if best else None
     (work.folder / TRIED).write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    evidence: Json = {"tried": told}
+    evidence: Json = {"tried": summaries}
     if diagnosis is None:
         return DiagnoseResult(evidence=evidence)
     doubt = None

@@ -10,6 +10,7 @@ from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
 from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
+from catalog.reasons import Reason
 from catalog.reseau.archive import read_archive_marks
 from tasks.undistort import seen_marks, undistort
 from tasks.undistort.bent_plate import BentModel
@@ -57,7 +58,7 @@ def distortion_report(path: Path, out: Path | None = None, camera: str | None = 
     """
     frame = read_frame(path, camera)
     if frame.camera is None:
-        raise RefusedError("camera-unknown", f"image {path} does not say its camera.", "Give --camera.")
+        raise RefusedError(Reason.CAMERA_UNKNOWN, f"image {path} does not say its camera.", "Give --camera.")
     known = find_camera(frame.camera if camera is None else camera)
     report: dict[str, Any] = {"product": frame.product, "camera": known.name, "format": frame.format}
     if frame.undistorted:
@@ -107,7 +108,7 @@ def _mark_set(camera: Camera, seen: SeenMarks) -> tuple[MarkSet, str]:
         return marks_of_frame(seen.marks, *sizes), "found"
     table = table_of(camera)
     if table is None:
-        raise RefusedError("distortion-without-marks", f"camera {camera.name} has no reseau marks.")
+        raise RefusedError(Reason.DISTORTION_WITHOUT_MARKS, f"camera {camera.name} has no reseau marks.")
     return marks_of_table(table, *sizes), "nominal"
 
 

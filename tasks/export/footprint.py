@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.export.map_image import MAX_EMISSION_DEG, seen_places
 from tasks.export.source import Source
 from tasks.project.points import surface_points
@@ -43,7 +44,7 @@ def footprint(source: Source) -> tuple[dict[str, Any], list[float], View]:
     mask = np.isfinite(seen["emission"])
     if not mask.any():
         raise RefusedError(
-            "nothing-to-map",
+            Reason.NOTHING_TO_MAP,
             f"{source.product} shows nothing of {source.target.name}.",
             "`planetpose show` draws what it shows.",
         )

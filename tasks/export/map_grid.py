@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.target import Target
 
 if TYPE_CHECKING:
@@ -122,7 +123,9 @@ def map_projection(
     from pyproj.crs import ProjectedCRS
 
     if not math.isfinite(resolution_km) or resolution_km <= 0:
-        raise RefusedError("resolution-invalid", f"a resolution of {resolution_km} km.", "Give kilometres per pixel.")
+        raise RefusedError(
+            Reason.RESOLUTION_INVALID, f"a resolution of {resolution_km} km.", "Give kilometres per pixel."
+        )
     geographic = body_crs(target)
     radius_m = float(geographic.ellipsoid.semi_major_metre) if geographic.ellipsoid else 0.0
     step_m = resolution_km * 1e3
@@ -139,7 +142,9 @@ def map_projection(
         reach = 2 * radius_m  # the equator
         extent, conversion = (-reach, -reach, reach, reach), _polar(latitude, central_longitude_deg or 0.0)
     else:
-        raise RefusedError("projection-unknown", f"no projection {name!r}.", f"Known are {', '.join(PROJECTIONS)}.")
+        raise RefusedError(
+            Reason.PROJECTION_UNKNOWN, f"no projection {name!r}.", f"Known are {', '.join(PROJECTIONS)}."
+        )
     return MapProjection(name, ProjectedCRS(conversion, geodetic_crs=geographic, name=title), extent, step_m)
 
 
@@ -154,7 +159,7 @@ def grid_of(projection: MapProjection, bounds_m: Bounds) -> MapGrid:
     shape = rows[1] - rows[0], columns[1] - columns[0]
     if max(shape) > LARGEST_SIDE_PX:
         raise RefusedError(
-            "map-too-large",
+            Reason.MAP_TOO_LARGE,
             f"a map of {shape[1]}x{shape[0]} pixels at {step / 1e3:.4g} km.",
             "Give a coarser --resolution-km.",
         )

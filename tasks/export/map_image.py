@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.export.map_grid import Array, Bounds, MapGrid, MapProjection, grid_of, map_projection
 from tasks.export.source import Source
 from tasks.project.pixels import project_pixels
@@ -50,7 +51,9 @@ def map_image(
     would be too large.
     """
     if kernel not in KERNELS:
-        raise RefusedError("kernel-unknown", f"no resampling kernel {kernel!r}.", f"Known are {', '.join(KERNELS)}.")
+        raise RefusedError(
+            Reason.KERNEL_UNKNOWN, f"no resampling kernel {kernel!r}.", f"Known are {', '.join(KERNELS)}."
+        )
     finest_km = finest_resolution_km(source)
     centre = latitude_longitude(source.pose.spacecraft_in_body_km)
     wanted = map_projection(
@@ -86,7 +89,7 @@ def reach_of_image(source: Source, projection: MapProjection, max_emission_deg: 
     seen = np.isfinite(seen_places(source, latitude, longitude, max_emission_deg)["emission"])
     if not seen.any():
         raise RefusedError(
-            "nothing-to-map",
+            Reason.NOTHING_TO_MAP,
             f"{source.product} shows nothing of {source.target.name} on this {projection.name} map.",
             "Choose another projection or a larger emission limit.",
         )

@@ -8,6 +8,7 @@ import numpy as np
 
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Quality
+from catalog.reasons import Reason
 from tasks.atomic import file_put_in_place
 from tasks.export.source import Source
 
@@ -59,7 +60,7 @@ def pixel_table(source: Source, selection: Selection | None = None) -> "pd.DataF
 def write_table(table: "pd.DataFrame", path: Path) -> Path:
     """Write CSV or Parquet, by the path's suffix, and return it. Raises RefusedError when nothing was selected."""
     if table.empty:
-        raise RefusedError("no-pixels", f"no pixels for {path.name} are within the limits.", "Widen the limits.")
+        raise RefusedError(Reason.NO_PIXELS, f"no pixels for {path.name} are within the limits.", "Widen the limits.")
     with file_put_in_place(path) as temporary:
         if path.suffix == ".parquet":
             table.to_parquet(temporary, index=False)

@@ -7,7 +7,7 @@ from tasks.export.map_grid import PROJECTIONS
 from tasks.export.map_image import KERNELS
 from tasks.export.pixels import Selection
 
-FORMATS = ("fits", "geotiff", "cog", "zarr-map", "stac", "csv", "parquet")
+FORMATS = ("fits", "geotiff", "cog", "zarr-map", "stac", "csv", "parquet", "isd", "isis-cube")
 MAPS = ("geotiff", "cog", "zarr-map")
 
 

@@ -12,6 +12,7 @@ from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
@@ -66,7 +67,7 @@ def read_source(folder: Path) -> Source:
     """The product in `folder`. Raises RefusedError when it holds no cube, or none that can be read."""
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
-        raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
+        raise RefusedError(Reason.PRODUCT_MISSING, f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
     with reading_product(folder):
         with open_cube(folder / CUBE) as lazy:
             cube = lazy.load()

@@ -41,6 +41,14 @@ def write_one(kind: str, source: Source, mapped: "MapImage | None", settings: Ex
         from tasks.export.fits import write_backplanes
 
         return write_backplanes(source, out / f"{source.product}.fits")
+    if kind == "isd":
+        from tasks.export.isd import write_isd
+
+        return write_isd(source, out / f"{source.product}_isd.json")
+    if kind == "isis-cube":
+        from tasks.export.isis_cube import write_isis_cube
+
+        return write_isis_cube(source, out / f"{source.product}.cub")
     from tasks.export.pixels import pixel_table, write_table
 
     return write_table(pixel_table(source, settings.selection), out / f"{source.product}.{kind}")

@@ -1,4 +1,5 @@
-"""The pose that the metadata claim, each part from the best source that knows it: pose file, SPICE, label.
+"""The pose that the metadata claim, each part from the best source that knows it: pose file (or ISD), SPICE, the
+tables of an ISIS cube, label.
 
 One exception: an orientation that was built from a label's scalars (centre line and sample, north azimuth) only means
 something together with the label's own distance and sub-spacecraft point, so then every part but the Sun is
@@ -14,18 +15,26 @@ import numpy as np
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
+from catalog.flips import Flip
 from catalog.observation import Frame
-from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose, read_pose_file
+from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose
+from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
+from catalog.times import utc_from_et
+from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
+
+# Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
+SAME_EXPOSURE_S = 60.0
 
 
 @dataclass(frozen=True)
 class InitialPose:
     """pose: the complete predicted pose. source: where the camera's orientation came from (file, spice, label).
 
-    sources: the same for each part (also `catalog`: rotation model of the target file). missing: what SPICE could not
-    give, in words. kernels: name and sha256 of what was furnished. evidence: range_km by each source that has one.
+    sources: the same for each part (also `isd`; `tables` of an ISIS cube; `wcs` and `twist`, orientations of headers
+    and labels; `catalog`: rotation model of the target file). missing: what SPICE could not give, in words. kernels:
+    name and sha256 of what was furnished. evidence: range_km by each source that has one.
     """
 
     pose: Pose
@@ -37,29 +46,42 @@ class InitialPose:
 
 
 def initial_pose(
-    frame: Frame, camera: Camera, target: Target, kernels: Iterable[Path], pose_file: Path | None = None
+    frame: Frame,
+    camera: Camera,
+    target: Target,
+    kernels: Iterable[Path],
+    pose_file: Path | None = None,
+    flip: Flip | None = None,
 ) -> InitialPose:
     """Predicted pose of `frame` at mid-exposure.
 
-    Precedence of each part: pose file, SPICE where `kernels` (files or folders) cover it, label. The pose file's time
-    overrides the label's. Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
+    Precedence of each part: pose file or ISD, SPICE where `kernels` (files or folders) cover it, the tables of an ISIS
+    cube, label. The pose file's time overrides the label's. flip: how the user had the picture flipped.
+
+    Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
-    from_file = read_pose_file(pose_file) if pose_file else PartialPose()
+    kind, from_file = parts_of_pose_file(pose_file)
+    if kind == "isd":
+        _refuse_other_exposure(frame, from_file, pose_file)
     et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
     if et is None:
         why = f"{frame.product}: the label gives no time"
         raise RefusedError(
-            "pose-unknown",
+            Reason.POSE_UNKNOWN,
             f"{why} of the exposure: {frame.unclear['time']}." if "time" in frame.unclear else f"{why}.",
             "Give a pose file (--pose) with utc or et of mid-exposure, "
             f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
         )
     from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
-    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, from_label))
-    relative_label = is_relative and from_file.camera_from_j2000 is None and spice.parts.camera_from_j2000 is None
+    tables, table_faults = parts_of_tables(frame, et)
+    header, header_source, header_faults = orientation_of_header(frame, camera, target, et, flip)
+    label_faults += table_faults + header_faults
+    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, tables, from_label))
+    known_elsewhere = [part.camera_from_j2000 is not None for part in (from_file, spice.parts, tables)]
+    relative_label = is_relative and not any(known_elsewhere)
     # Only the Sun does not hang on how the label has the target, and SPICE knows it better than the label's digits.
     from_spice = PartialPose(sun_from_target_km=spice.parts.sun_from_target_km) if relative_label else spice.parts
-    ranked = {"file": from_file, "spice": from_spice, "label": from_label}
+    ranked = {kind: from_file, "spice": from_spice, "tables": tables, "label": from_label, header_source: header}
     parts, sources = _best_parts(ranked)
     parts = replace(parts, et=et)
     if sources.get("target_from_spacecraft_km") == "label":  # its own velocities, or SPICE's, serve as well
@@ -77,6 +99,14 @@ def initial_pose(
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
     )
+
+
+def _refuse_other_exposure(frame: Frame, isd: PartialPose, path: Path | None) -> None:
+    """An ISD is of one image: RefusedError where the label's time is another."""
+    if frame.et is None or isd.et is None or abs(frame.et - isd.et) <= SAME_EXPOSURE_S:
+        return
+    fault = f"ISD {path} is of {utc_from_et(isd.et)}, image {frame.path} of {utc_from_et(frame.et)}."
+    raise RefusedError(Reason.ISD_INVALID, fault, "Give the ISD of this image.")
 
 
 def _first_known(*values: float | None) -> float | None:
@@ -138,7 +168,7 @@ def _unknown(
     needed = f" Kernels of {camera.name}: {'; '.join(camera.kernels)}." if camera.kernels else ""
     label = "; ".join(label_faults) or f"the label does not give them for {frame.target}"
     return RefusedError(
-        "pose-unknown",
+        Reason.POSE_UNKNOWN,
         f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",
         f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
     )

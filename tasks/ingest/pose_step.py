@@ -7,7 +7,7 @@ from catalog.target import Target, find_target
 from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.step import StepType
 from tasks.work import Work
 
@@ -51,12 +51,12 @@ class PredictedPose(Content):
 
 
 def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
-    """The predicted pose, from pose file, SPICE or label (see `initial_pose`).
+    """The predicted pose, from pose file or ISD, SPICE, tables of an ISIS cube or label (see `initial_pose`).
 
     The target is looked up here too, for a kernel may define it."""
     frame = frame_of(inputs.image, files)
     target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
-    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file)
+    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip)
     return PredictedPose(
         pose=found.pose,
         target=target,
@@ -68,10 +68,10 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     )
 
 
-TOLD_AS = {
+LABELS = {
     "pose_file": "pose file",
     "kernels": "kernels",
     "target": "catalog: targets",
     "image.reader": "reader",
 }
-STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), told_as=TOLD_AS)
+STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), labels=LABELS)

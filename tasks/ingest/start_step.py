@@ -7,6 +7,7 @@ from pydantic import Field
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.fields import Amounts, CameraField, Content, PlainAmounts, PoseField
 from tasks.joint.parameters import ATTITUDE, ROLL, State, difference
 from tasks.plain import plain
@@ -47,7 +48,7 @@ def run(inputs: StartInputs, _: NoFiles, __: Work) -> StartResult:
     if offset_px is not None:
         if not np.isfinite(camera.project(start.target_in_camera_km)).all():
             raise RefusedError(
-                "target-behind-camera",
+                Reason.TARGET_BEHIND_CAMERA,
                 "the predicted target is behind the camera, so that its centre has no place to be moved from.",
                 "Check camera_from_j2000, or leave --start-offset out: the whole frame is searched then.",
             )
@@ -66,7 +67,7 @@ def started_at(pose: Pose, camera: Camera, offset_px: ArrayLike) -> NDArray[np.f
     wanted = before + np.asarray(offset_px, np.float64)
     if not np.abs(wanted - camera.centre_px).max() <= FRAMES_AWAY * max(camera.size_px):
         raise RefusedError(
-            "start-outside-frame",
+            Reason.START_OUTSIDE_FRAME,
             f"--start-offset moves the target's predicted centre ({before[0]:.6g}, {before[1]:.6g}) to "
             f"({wanted[0]:.6g}, {wanted[1]:.6g}), far outside the frame of {camera.size_px[0]}x{camera.size_px[1]} px.",
             "Give the pixels from the predicted centre to the true one, or leave it out: the whole frame is searched.",
@@ -85,7 +86,7 @@ def resumed(earlier: Pose, predicted: Pose) -> Pose:
     apart_s = abs(earlier.et - predicted.et)
     if apart_s > SAME_EXPOSURE_S:
         raise RefusedError(
-            "resume-other-image",
+            Reason.RESUME_OTHER_IMAGE,
             f"the pose to resume from is of {earlier.to_dict()['utc']}, {apart_s:.0f} s from this image's.",
             "Give --resume the product folder of this very image, or the store that holds it.",
         )
@@ -101,5 +102,5 @@ STEP = StepType(
     run,
     StartResult,
     changes=frozenset({"pose"}),
-    told_as={"start_offset_px": "start offset", "resume": "pose to resume from"},
+    labels={"start_offset_px": "start offset", "resume": "pose to resume from"},
 )

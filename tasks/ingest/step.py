@@ -1,8 +1,13 @@
 """The cached step: read an image file's metadata, and name its camera and target."""
 
+from pydantic import Field
+
 from catalog.camera import find_camera
+from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
+from catalog.image_mode import FULL_FRAME
 from catalog.observation import Frame
+from catalog.reasons import Reason
 from tasks.fields import CameraField, Content, Json
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.plain import plain
@@ -24,7 +29,8 @@ class IngestInputs(Content):
 
 class IngestResult(Content):
     """What the file says of itself. et: mid-exposure, None when unknown. undistorted: the frame is already in the
-    camera's undistorted geometry. overruled: what the label says otherwise than the user. warnings: a sentence each."""
+    camera's undistorted geometry. overruled: what the label says otherwise than the user. warnings: a sentence
+    each. mode: summing and window, in words. sources: where each value came from."""
 
     product: str
     sha256: str
@@ -38,6 +44,8 @@ class IngestResult(Content):
     label: Json
     overruled: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    mode: str = str(FULL_FRAME)
+    sources: dict[str, str] = Field(default_factory=dict)
 
 
 def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
@@ -47,20 +55,23 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
     frame = frame_of(inputs.image, files)
     if frame.camera is None:
         raise RefusedError(
-            "camera-unknown",
+            Reason.CAMERA_UNKNOWN,
             f"image {frame.path}: its label names no camera of the catalog.",
             "Give --camera NAME (see `planetpose cameras`) or --camera FILE.toml.",
         )
     if frame.target is None:
         fault = frame.unclear.get("target", "its label names no target")
         raise RefusedError(
-            "target-unknown", f"image {frame.path}: {fault}.", "Say which body is meant: --target NAME or FILE.toml."
+            Reason.TARGET_UNKNOWN,
+            f"image {frame.path}: {fault}.",
+            "Say which body is meant: --target NAME or FILE.toml.",
         )
+    camera = find_camera(str(files.camera or frame.camera)).at(frame.filter, temperature_of_label(frame.label))
     return IngestResult(
         product=frame.product,
         sha256=frame.sha256,
         format=frame.format,
-        camera=find_camera(str(files.camera or frame.camera)),
+        camera=camera.summed(frame.mode.summing),
         target_name=frame.target,
         et=frame.et,
         exposure_s=frame.exposure_s,
@@ -69,6 +80,8 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
         label=printable_label(frame),
         overruled=frame.overruled,
         warnings=frame.warnings,
+        mode=str(frame.mode),
+        sources=frame.sources,
     )
 
 
@@ -87,12 +100,15 @@ STEP = StepType(
     "ingest",
     run,
     IngestResult,
-    told_as={
+    labels={
         "image.sha256": "image",
         "image.label": "label",
         "image.target": "target",
         "image.flip": "flip",
         "image.reader": "reader",
+        "image.plane": "plane",
+        "image.summing": "summing",
+        "image.window": "window",
         "camera": "camera",
         "target_names": "catalog: targets",
     },

@@ -8,7 +8,7 @@ from tasks.fields import Content
 from tasks.ingest.pose_step import PredictedPose
 from tasks.initial_pose.find import find_pose
 from tasks.initial_pose.settings import ImagePoseSettings
-from tasks.joint.settings import PriorSettings
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.step import StepType
 from tasks.stored import load_observation
@@ -47,12 +47,14 @@ def run(inputs: ImagePoseInputs, files: ImagePoseFiles, _: Work) -> PredictedPos
         sources=dict.fromkeys(POSE_KEYS, IN_IMAGE),
         evidence={"found": found.evidence, "sigmas": found.sigmas()},
         priors=PriorSettings(
-            range_relative=max(WIDER * found.range_sigma, LEAST_RANGE), attitude_deg=found.attitude_sigma_deg
+            range_km=None,
+            range_share=max(WIDER * found.range_sigma, LEAST_RANGE),
+            attitude_deg=found.attitude_sigma_deg,
         ),
         has_orientation=found.has_orientation,
         doubts=found.doubts,
     )
 
 
-TOLD_AS = {"kernels": "kernels", "scene.basemap": "base map", "et": "time in the label"}
-STEP = StepType("image_pose", run, PredictedPose, ImagePoseSettings, changes=frozenset({"pose"}), told_as=TOLD_AS)
+LABELS = {"kernels": "kernels", "scene.basemap": "base map", "et": "time in the label"}
+STEP = StepType("image_pose", run, PredictedPose, ImagePoseSettings, changes=frozenset({"pose"}), labels=LABELS)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.fit import solve
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve_linear
 from tasks.joint.parameters import State
 from tasks.joint.settings import SmearSettings
-from tasks.joint.solve import Solution
 
 Array = NDArray[np.float64]
 
@@ -49,15 +49,10 @@ def uneven_moment(solution: Solution) -> SecondMoment:
     xy, xx = np.gradient(along_x)
     yy = np.gradient(along_y, axis=0)
     columns = np.stack([(xx - yy) / 4, xy / 2]).astype(np.float32)
-    problem = solution.problem
     n = len(columns)
-    problem = replace(
-        problem,
-        columns=np.concatenate([columns, problem.columns]),
-        prior=np.concatenate([np.zeros(n), problem.prior]),
-        expected=np.concatenate([np.zeros(n), problem.expected]),
-    )
-    fit = solve(problem, solution.fit.weight)
+    problem = solution.problem.extended(columns, np.zeros(n))
+
+    fit = solve_linear(problem, solution.fit.weight)
     return SecondMoment(fit.values[:n], fit.covariance[:n, :n])
 
 

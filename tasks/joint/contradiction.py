@@ -5,13 +5,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Chance of a difference that is taken for a contradiction.
-CHANCE = 0.01
+# No factor is larger: beyond it nothing is known.
 MOST = 1e6
 
 
-def chi_square(freedom: int, chance: float = CHANCE) -> float:
-    """The weighted square that so many differences exceed by chance."""
+def chi_square(freedom: int, chance: float) -> float:
+    """The weighted square that so many differences exceed with the probability `chance`."""
     from scipy.stats import chi2
 
     return float(chi2.isf(chance, freedom))

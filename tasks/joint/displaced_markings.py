@@ -6,44 +6,37 @@ limb and markings. They are found from the last linear problem, and what the sol
 is added to its errors: the part that cannot be seen is taken to be as large as that.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.bending import response_to
+from tasks.joint.beam_bending import response_to
 from tasks.joint.contradiction import chi_square
-from tasks.joint.fit import solve
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve_linear
 from tasks.joint.parameters import NAMES, OFFSET
-from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import covariance_of_all
 
 Array = NDArray[np.float64]
-
-# 1-sigma, pixels at the limb, of what optics displace beyond what their camera's file says.
-EXPECTED_PX = 0.3
-# Chance of a displacement that is not one; maps and laws feign small ones (measured: on nine images of six laws never
-# one both less probable and above 0.15 px RMS; a distortion of 0.3 px RMS shows as 0.22 px, chi-square 144 and 225).
-CHANCE = 1e-6
-# Pixels that the blurred disk covers by more.
-LEAST_COVER = 0.003
 
 
 @dataclass(frozen=True)
 class Displacement:
     """chi_square: of the terms found. rms_px: of the displacement over the disk, in the solution's pixels. response:
-    (8,) what the solution moves by under it. least_px: what counts."""
+    (8,) what the solution moves by under it. least_px, chance: what counts."""
 
     chi_square: float
     rms_px: float
     response: Array
     least_px: float
+    chance: float
 
     @property
     def is_shown(self) -> bool:
         """Whether there is more than chance gives."""
-        return self.rms_px > self.least_px and self.chi_square > chi_square(TERMS, CHANCE)
+        return self.rms_px > self.least_px and self.chi_square > chi_square(TERMS, self.chance)
 
     @property
     def moved(self) -> Array:
@@ -67,9 +60,10 @@ TERMS = 8
 
 def displacement_shown(solution: Solution, least_px: float) -> Displacement:
     """The displacement by the solution's last linear problem, all its unknowns solved along."""
-    model, problem = solution.model, solution.problem
+    model, problem, limits = solution.model, solution.problem, solution.given.thresholds
+    chance = limits.contradiction.displaced_chance
     y, x = np.indices(model.window.shape, dtype=np.float64)
-    inside = model.coverage > LEAST_COVER
+    inside = model.coverage > limits.variance.limb_cover
     x, y = (
         np.where(inside, (place - centre) / model.tiles.radius_px, 0.0)
         for place, centre in zip((x, y), model.centre_px, strict=True)
@@ -77,19 +71,15 @@ def displacement_shown(solution: Solution, least_px: float) -> Displacement:
     along = terms(x, y)
     per_x, per_y = problem.columns[-len(NAMES) :][OFFSET]
     if not (per_x.any() and per_y.any()):
-        return Displacement(0.0, 0.0, np.zeros(len(NAMES)), least_px)
+        return Displacement(0.0, 0.0, np.zeros(len(NAMES)), least_px, chance)
     columns = np.stack([per_x * u + per_y * v for u, v in along]).astype(np.float32)
-    wider = replace(
-        problem,
-        columns=np.concatenate([columns, problem.columns]),
-        prior=np.concatenate([np.full(TERMS, EXPECTED_PX**-2), problem.prior]),
-        expected=np.concatenate([np.zeros(TERMS), problem.expected]),
-    )
-    fit = solve(wider, solution.fit.weight)
+    wider = problem.extended(columns, np.full(TERMS, limits.contradiction.displaced_expected_px**-2))
+
+    fit = solve_linear(wider, solution.fit.weight)
     strength = fit.values[:TERMS]
     covariance = covariance_of_all(wider, fit)[:TERMS, :TERMS]
     squares = float(strength @ np.linalg.pinv(covariance, hermitian=True) @ strength)
     total = [sum(s * field[axis][inside] for s, field in zip(strength, along, strict=True)) for axis in (0, 1)]
     rms_px = float(np.sqrt(np.mean(np.square(total)) * 2)) if inside.any() else 0.0
     response = response_to(solution, np.tensordot(np.float32(strength), columns, 1))
-    return Displacement(squares, rms_px, response, least_px)
+    return Displacement(squares, rms_px, response, least_px, chance)

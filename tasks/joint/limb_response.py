@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_errors import RELIEF_ARC_DEG
-from tasks.joint.fit import scaled_inverse
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import scaled_inverse
 from tasks.joint.parameters import NAMES, OFFSET
-from tasks.joint.solve import Solution
 from tasks.joint.tiles import LOCAL
 
 Array = NDArray[np.float64]
-# Pixels that the blurred disk covers by more, and by less, belong to its limb.
-LEAST_COVER, MOST_COVER = 0.003, 0.997
 
 
 def limb_response(solution: Solution) -> Array:
@@ -38,7 +36,8 @@ def limb_response(solution: Solution) -> Array:
 def _limb_pixels(solution: Solution) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64], Array]:
     """Rows and columns (n,) of the limb's pixels, the arc that each is in, and the outward direction (2, n)."""
     model = solution.model
-    y, x = np.nonzero((model.coverage > LEAST_COVER) & (model.coverage < MOST_COVER) & (solution.fit.weight > 0))
+    least = solution.given.thresholds.variance.limb_cover
+    y, x = np.nonzero((model.coverage > least) & (model.coverage < 1 - least) & (solution.fit.weight > 0))
     slope = np.asarray(np.gradient(model.coverage), np.float64)
     outward = -slope[::-1, y, x]
     outward /= np.maximum(np.hypot(*outward), 1e-12)

@@ -5,42 +5,38 @@ order (B: the disk's brightness). Most of it is taken up by the photometric laws
 and moves it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.bending import response_to
-from tasks.joint.fit import solve
+from tasks.joint.beam_bending import response_to
+from tasks.joint.gauss_newton import Solution
+from tasks.joint.normal_equations import solve_linear
 from tasks.joint.parameters import NAMES
-from tasks.joint.solve import Solution
 from tasks.joint.uncertainty import covariance_of_all
 
 Array = NDArray[np.float64]
 
 # 1-sigma of the power that is as good as not held at all.
 FREE = 10.0
-# What laws that do not fit are taken for, beyond the residuals' scatter, 1-sigma: on 18 simulated images of six laws
-# and a linear detector the power was 0.054 off at most where its own sigma was below 0.05.
-LAWS_SIGMA = 0.03
-# Sigmas from which the disk is taken to show it; less is within what map and laws do (see SystematicSettings.limb_px).
-SHOWN_SIGMAS = 3.0
 
 
 @dataclass(frozen=True)
 class Linearity:
     """power: by how much the power of the signal exceeds 1, as the disk has it; sigma: its 1-sigma. response: (8,) what
-    the solution moves by per unit of power, in its own pixels."""
+    the solution moves by per unit of power, in its own pixels. least_sigmas: what counts."""
 
     power: float
     sigma: float
     response: Array
+    least_sigmas: float
 
     @property
     def is_shown(self) -> bool:
         """Whether the disk shows a power other than 1 by more than chance."""
-        return abs(self.power) > SHOWN_SIGMAS * self.sigma
+        return abs(self.power) > self.least_sigmas * self.sigma
 
     @property
     def moved(self) -> Array:
@@ -54,18 +50,14 @@ class Linearity:
 
 def linearity_of(solution: Solution) -> Linearity:
     """The power of the signal by the solution's last linear problem, all its unknowns solved along."""
-    model = solution.model
+    model, limits = solution.model, solution.given.thresholds.contradiction
     bright = np.maximum(model.brightness(solution.fit.values[: len(model.bases)]) * (1 + solution.fit.gain), 0)
     peak = max(float(bright.max()), 1e-12)
     share = bright / np.float32(peak)
     column = (bright * np.log(np.maximum(share, np.float32(1e-6)))).astype(np.float32)
     column[solution.fit.weight <= 0] = 0
-    problem = replace(
-        solution.problem,
-        columns=np.concatenate([column[None], solution.problem.columns]),
-        prior=np.concatenate([[FREE**-2], solution.problem.prior]),
-        expected=np.concatenate([[0.0], solution.problem.expected]),
-    )
-    fit = solve(problem, solution.fit.weight)
-    sigma = float(np.hypot(np.sqrt(covariance_of_all(problem, fit)[0, 0]), LAWS_SIGMA))
-    return Linearity(float(fit.values[0]), sigma, response_to(solution, column))
+    problem = solution.problem.extended(column[None], np.array([FREE**-2]))
+
+    fit = solve_linear(problem, solution.fit.weight)
+    sigma = float(np.hypot(np.sqrt(covariance_of_all(problem, fit)[0, 0]), limits.linearity_laws))
+    return Linearity(float(fit.values[0]), sigma, response_to(solution, column), limits.linearity_sigmas)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.occulted import finer
-from tasks.joint.moved import changes_of_place
+from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.settings import JointSettings
 from tasks.joint.smear import smeared, trail_columns

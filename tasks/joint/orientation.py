@@ -14,48 +14,37 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.rotation import vector_deg_from_rotation
 from tasks.attitude.markings import (
     CONFLICT_SIGMAS,
     Markings,
+    compared_markings,
     evidence_of,
     is_borne_out,
-    judged,
     measurements,
     mismatch_of,
 )
 from tasks.attitude.texture import Texture, texture_of
-from tasks.joint.estimate import Estimate
+from tasks.joint.coarse_to_fine import Estimate
 from tasks.joint.outline import outline_spread
 from tasks.joint.parameters import ATTITUDE, PSF, State, difference
+from tasks.joint.problem import Problem
+from tasks.joint.thresholds import OrientationThresholds
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
 # From a start and with or without the orientation held: the estimate, and what is told where the limb leads.
-Told = dict[str, Any]
+Evidence = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Solvers:
     """solve: the estimate from a start, with the body's turn held or not. lead: an estimate as the limb leads it, if it
-    does, and the report of that (see `led_by_limb`)."""
+    does, and the report of that (see `updated_by_limb`)."""
 
     solve: Callable[[State, bool], Estimate]
-    lead: Callable[[Estimate], tuple[Estimate, Told | None]]
-
-
-# A turn is known as the fit says where the markings bear it out by so much evidence (squares of sigmas) more than the
-# predicted orientation, or where it moves the middle of the disk by less than so many pixels.
-BORNE_OUT, NEGLECTED_PX = 16.0, 0.1
-# Two orientations whose evidence differs by less than BORNE_OUT and this share of it are as good as each other
-# (measured: 0.03 at a turn of 0.3 deg on a disk of 60 px radius).
-SAME_SHARE = 0.05
-# What a small turn moves is extrapolated to the prior's sigma by no more than this.
-MOST_STRETCH = 3.0
-# What map and laws feign of a turn across the line of sight and about it, 1-sigma, in pixels that it moves the disk's
-# middle, or its limb. With these, and the map's frame, which counts apart, 55 images of the honesty benchmark (six
-# laws, radius 12-140 px) lie within 1 and 2 sigmas by 77 and 97 % across, 82 and 100 % about it.
-ACROSS_PX, ABOUT_PX = 0.08, 0.05
+    lead: Callable[[Estimate], tuple[Estimate, Evidence | None]]
 
 
 @dataclass(frozen=True)
@@ -76,27 +65,21 @@ class Orientation:
 
 
 def oriented(
-    observation: Observation,
-    solvers: Solvers,
-    start: State,
-    metadata: State,
-    sigmas: Array,
-    scene: Scene,
-    markings_match: bool,
-    is_held: bool,
-) -> tuple[Estimate, Told | None, Orientation]:
-    """The estimate from `start` with the orientation that the image bears out, what the limb told, and the
-    verdict.
+    given: Problem, solvers: Solvers, start: State, markings_match: bool, is_held: bool
+) -> tuple[Estimate, Evidence | None, Orientation]:
+    """The estimate from `start` with the orientation that the image bears out, what the limb said, and the verdict.
 
-    sigmas: (8,) of the priors. markings_match: False where the markings are already known not to be the map's. is_held:
-    whether the user holds the attitude.
+    markings_match: False where the markings are already known not to be the map's. is_held: whether the user holds the
+    attitude.
     """
+    observation, scene, metadata, sigmas = given.observation, given.scene, given.metadata, given.sigmas
+    limits = given.thresholds.orientation
     found = solvers.solve(start, is_held)
     estimate, led = solvers.lead(found)
     prior_deg = float(np.max(sigmas[ATTITUDE])) if np.isfinite(sigmas[ATTITUDE]).all() else 10.0
     if np.ptp(scene.basemap.albedo) == 0:
-        return with_prior(estimate, estimate, sigmas, is_held, scene), led, Orientation(Markings("no-map"), "prior")
-    verdict, texture = judged_at(observation, estimate.state.pose, scene, prior_deg)
+        return with_prior(given, estimate, estimate, is_held), led, Orientation(Markings("no-map"), "prior")
+    verdict, texture = markings_and_texture(observation, estimate.state.pose, scene, prior_deg)
     if is_held:
         return estimate, led, Orientation(verdict, "prior")
     if verdict.better_deg is not None:
@@ -104,7 +87,7 @@ def oriented(
         if within_prior(elsewhere.pose, metadata.pose, prior_deg):
             found_again = solvers.solve(elsewhere, False)
             again, led_again = solvers.lead(found_again)
-            verdict_again, texture_again = judged_at(observation, again.state.pose, scene, prior_deg)
+            verdict_again, texture_again = markings_and_texture(observation, again.state.pose, scene, prior_deg)
             if verdict_again.verdict == "matched" and (verdict_again.sigmas or 0) > (verdict.sigmas or 0):
                 found, estimate, led = found_again, again, led_again
                 verdict, texture = verdict_again, texture_again
@@ -114,14 +97,14 @@ def oriented(
     gain = None
     if texture is not None and verdict.verdict == "matched" and says_more(estimate, sigmas):
         gain = gained(texture, turn)
-        doubtful = gain < BORNE_OUT and angle > NEGLECTED_PX * texture.pixel_deg
-        if not doubtful or (gain > -no_difference(verdict) and angle <= prior_deg):
+        doubtful = gain < limits.borne_out and angle > limits.neglected_px * texture.pixel_deg
+        if not doubtful or (gain > -no_difference(verdict, limits) and angle <= prior_deg):
             conflict = conflict_of(angle, prior_deg, verdict)
-            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3))
+            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3), limits)
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
     held, led_held = solvers.lead(solvers.solve(predicted, True))
-    verdict_there, _ = judged_at(observation, held.state.pose, scene, prior_deg)
+    verdict_there, _ = markings_and_texture(observation, held.state.pose, scene, prior_deg)
     # Two orientations that both fail are no match, and what no flow could follow is none either.
     if not markings_match and verdict_there.verdict == "undetermined":
         verdict_there = replace(verdict_there, verdict="mismatched")
@@ -130,8 +113,8 @@ def oriented(
         # Markings that are not the image's pull a body that is held at them; one that was free has turned them away.
         # Turned back it has another outline, which the limb leads anew.
         back, led_back = solvers.lead(turned_back(found, metadata.pose))
-        return with_prior(back, held, sigmas, False, scene), led_back, known
-    return with_prior(held, estimate, sigmas, False, scene), led_held, known
+        return with_prior(given, back, held), led_back, known
+    return with_prior(given, held, estimate), led_held, known
 
 
 def turned_back(estimate: Estimate, predicted: Pose) -> Estimate:
@@ -143,10 +126,12 @@ def turned_back(estimate: Estimate, predicted: Pose) -> Estimate:
     return replace(estimate, state=state, free_state=free)
 
 
-def judged_at(observation: Observation, pose: Pose, scene: Scene, prior_deg: float) -> tuple[Markings, Texture | None]:
+def markings_and_texture(
+    observation: Observation, pose: Pose, scene: Scene, prior_deg: float
+) -> tuple[Markings, Texture | None]:
     """The verdict at a pose, and the texture that it is about."""
     texture = texture_of(observation, pose, scene)
-    return (Markings("undetermined") if texture is None else judged(texture, prior_deg)), texture
+    return (Markings("undetermined") if texture is None else compared_markings(texture, prior_deg)), texture
 
 
 def step_of(turn_deg: Array) -> Array:
@@ -172,9 +157,9 @@ def says_more(estimate: Estimate, sigmas: Array) -> bool:
     return bool((np.sqrt(np.diag(estimate.covariance)[ATTITUDE]) <= sigmas[ATTITUDE]).all())
 
 
-def no_difference(verdict: Markings) -> float:
+def no_difference(verdict: Markings, limits: OrientationThresholds) -> float:
     """Differences of evidence that say nothing: chance, and what maps get wrong, which grows with the evidence."""
-    return BORNE_OUT + SAME_SHARE * (verdict.sigmas or 0.0) ** 2
+    return limits.borne_out + limits.same_share * (verdict.sigmas or 0.0) ** 2
 
 
 def gained(texture: Texture, back: Array) -> float:
@@ -185,28 +170,32 @@ def gained(texture: Texture, back: Array) -> float:
     return here - evidence_of(texture.correlations(back), independent)
 
 
-def with_least_error(estimate: Estimate, texture: Texture, spread_deg: Array) -> Estimate:
+def with_least_error(
+    estimate: Estimate, texture: Texture, spread_deg: Array, limits: OrientationThresholds
+) -> Estimate:
     """The estimate with the orientation's errors that no residual shows, and that of `spread_deg` (3,), a rotation
     vector, along that."""
     pose = estimate.state.pose
     sight = pose.camera_from_body.T @ (pose.target_in_camera_km / pose.range_km)
     pixel_deg, about = texture.pixel_deg / texture.reduction, np.outer(sight, sight)
     least = np.zeros_like(estimate.covariance)
-    least[ATTITUDE, ATTITUDE] = (ACROSS_PX * pixel_deg) ** 2 * (np.eye(3) - about) + (ABOUT_PX * pixel_deg) ** 2 * about
+    least[ATTITUDE, ATTITUDE] = (limits.across_px * pixel_deg) ** 2 * (np.eye(3) - about)
+    least[ATTITUDE, ATTITUDE] += (limits.about_px * pixel_deg) ** 2 * about
     least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
     return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
 
 
-def with_prior(held: Estimate, free: Estimate, sigmas: Array, is_held: bool, scene: Scene) -> Estimate:
-    """`held`, solved at the predicted orientation, with that known by its prior of 1-sigma `sigmas` (8,); all else is
-    known less well, as far as it moved in `free`, solved without holding it, the more the wider the prior is."""
+def with_prior(given: Problem, held: Estimate, free: Estimate, is_held: bool = False) -> Estimate:
+    """`held`, solved at the predicted orientation, with that known by its prior; all else is known less well, as far as
+    it moved in `free`, solved without holding it, the more the wider the prior is."""
+    sigmas, scene, limits = given.sigmas, given.scene, given.thresholds.orientation
     if is_held or not np.isfinite(sigmas[ATTITUDE]).all():
         return held
     moved = difference(free.state, held.state, scene.camera)
     prior_deg, angle = float(np.max(sigmas[ATTITUDE])), float(np.linalg.norm(moved[ATTITUDE]))
-    moved *= prior_deg / max(angle, prior_deg / MOST_STRETCH)
+    moved *= prior_deg / max(angle, prior_deg / limits.most_stretch)
     moved[ATTITUDE], moved[PSF] = 0, 0
-    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg)
+    spread = np.outer(moved, moved) + outline_spread(held.state.pose, scene, prior_deg, limits.fewest_directions)
     spread[ATTITUDE, ATTITUDE] = np.diag(sigmas[ATTITUDE] ** 2)
     return replace(held, covariance=held.covariance + spread, free_covariance=held.free_covariance + spread)
 
@@ -216,7 +205,8 @@ def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | N
     if turn_deg <= CONFLICT_SIGMAS * prior_deg or is_borne_out(verdict):
         return None
     return (
-        f"orientation-conflict: the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
+        f"{Reason.ORIENTATION_CONFLICT}: "
+        f"the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
         f"(1 sigma), and its markings bear that out by only {verdict.sigmas:.1f} sigmas. Check body_from_j2000."
     )
 

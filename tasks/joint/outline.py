@@ -12,17 +12,17 @@ from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 SAMPLES, LIMB_POINTS, DIRECTIONS = 40, 180, 90
-FEWEST_DIRECTIONS = 8
 
 
-def outline_spread(pose: Pose, scene: Scene, sigma_deg: float) -> Array:
+def outline_spread(pose: Pose, scene: Scene, sigma_deg: float, fewest_directions: int) -> Array:
     """Covariance (8, 8) of the unknowns when the body may be turned from `pose` by `sigma_deg`, 1-sigma about each
-    axis: the change of centre and range that keeps the lit limb in place, averaged over such turns."""
+    axis: the change of centre and range that keeps the lit limb in place, averaged over such turns; none where fewer
+    than `fewest_directions` of 90 are lit."""
     spread = np.zeros((len(NAMES), len(NAMES)))
     radius = disk_radius_px(pose, scene.camera, scene.target)
     angle = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     here, lit = outline(pose, scene, angle)
-    if lit.sum() < FEWEST_DIRECTIONS:
+    if lit.sum() < fewest_directions:
         return spread
     design = np.column_stack([np.cos(angle), np.sin(angle), np.full_like(angle, -radius)])[lit]
     turns = np.random.default_rng(1).standard_normal((SAMPLES, 3)) * sigma_deg

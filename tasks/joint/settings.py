@@ -1,70 +1,30 @@
 """Settings of the joint estimator."""
 
-from collections.abc import Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from tasks.joint.thresholds import Thresholds
+from tasks.priors import SourcePriors
 from tasks.simulate.photometry import LawName
 
 Group = Literal["offset", "range", "roll", "attitude", "psf"]
 
 
-class PriorSettings(BaseModel):
-    """1-sigma errors that the metadata are believed to have; None leaves the unknown free."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    range_relative: float | None = Field(2e-4, gt=0)
-    roll_deg: float | None = Field(0.1, gt=0)
-    attitude_deg: float | None = Field(1.0, gt=0)
-    psf_relative: float | None = Field(0.25, gt=0)
-
-
-class SourcePriors(BaseModel):
-    """Priors by where the predicted pose comes from: trajectories of kernels and labels are known to some ten
-    kilometres, a pose file may hold anything. image: of poses found in the image whose own errors are not at hand (each
-    has its own, see `tasks.initial_pose`). unchecked_attitude_deg: the attitude of a pose file for a target without
-    a map, whose markings cannot test it; None takes it for as good as any other file's."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    spice: PriorSettings = PriorSettings()
-    label: PriorSettings = PriorSettings(range_relative=5e-4)
-    file: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
-    image: PriorSettings = PriorSettings(range_relative=0.02, attitude_deg=3.0)
-    unchecked_attitude_deg: float | None = Field(30.0, gt=0)
-
-    def of(self, sources: Mapping[str, str], has_map: bool = True) -> PriorSettings:
-        """Each prior by where its part of the pose comes from (keys of `Pose`; the catalog's rotation models are those
-        of kernels). has_map: whether the target's markings can test the attitude."""
-        camera, position, body = (
-            getattr(self, sources[part].replace("catalog", "spice"))
-            for part in ("camera_from_j2000", "target_from_spacecraft_km", "body_from_j2000")
-        )
-        unchecked = self.unchecked_attitude_deg if sources["body_from_j2000"] == "file" else None
-        return PriorSettings(
-            range_relative=position.range_relative,
-            roll_deg=camera.roll_deg,
-            attitude_deg=body.attitude_deg if has_map or not unchecked else unchecked,
-            psf_relative=camera.psf_relative,
-        )
-
-
 class SystematicSettings(BaseModel):
     """Errors of map, photometric laws, distortion and PSF that the scatter of the residuals does not show, 1-sigma:
     centre_px of the centre, limb_px of the radius; attitude_deg of the target's attitude, beside what grows with the
-    size of a pixel (`orientation.ACROSS_PX`), and roll_deg of the camera's roll, which the shading tells beside its
-    prior. limb_gain: centre_px and limb_px are of maps whose brightness along the limb is right to so much, relative
-    (see `tiles.limb_gain`); where it is off by more, they grow in proportion. distortion_share: part of the distortion
-    model's error that the disk's limb does not average out. On 60 scenes of the honesty benchmark, six laws, radius
-    12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and 73 % of the centres (each coordinate) lay within
-    1 sigma, 98 and 97 % within 2. map_frame_deg: how far a map lies from the frame of its body's coordinates, about
-    each axis; two maps of Europa are 0.09 deg apart about one and 0.11 deg about the other."""
+    size of a pixel (`across_px` of the thresholds of orientation), and roll_deg of the camera's roll, which the
+    shading shows beside its prior. limb_gain: centre_px and limb_px are of maps whose brightness along the limb is
+    right to so much, relative (see `tile_prior.limb_gain`); where it is off by more, they grow in proportion.
+    distortion_share: part of the distortion model's error that the disk's limb does not average out. On 60 scenes of
+    the honesty benchmark, six laws, radius 12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and 73 % of
+    the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     centre_px: float = Field(0.008, ge=0)
     limb_px: float = Field(0.025, ge=0)
     attitude_deg: float = Field(0.03, ge=0)
-    map_frame_deg: float = Field(0.1, ge=0)
     roll_deg: float = Field(0.03, ge=0)
     limb_gain: float = Field(0.05, gt=0)
     distortion_share: float = Field(0.25, ge=0)
@@ -84,6 +44,19 @@ class TileSettings(BaseModel):
     gain: float = Field(0.3, ge=0)
     slope: float = Field(0.3, ge=0)
     veil: float = Field(0.05, ge=0)
+    fewest: int = Field(8, gt=0, description="Tiles from which the others' gains are learned. Choice.")
+    smallest: float = Field(1e-3, gt=0, description="1-sigma of a gain, relative, at least: no map is better. Choice.")
+    heavy_tail: float = Field(
+        4.0,
+        gt=0,
+        description="A tile may be off by so many times the spread of all: maps are wrong in patches. Choice.",
+    )
+    chance: float = Field(2.0, gt=0, description="A surplus of fewer sigmas is chance: the tiles are then held.")
+    seen: float = Field(
+        4.0,
+        gt=0,
+        description="A tile counts when the image has so many times the prior's information on its gain. Choice.",
+    )
 
     @property
     def sigmas(self) -> tuple[float, ...]:
@@ -147,3 +120,4 @@ class JointSettings(BaseModel):
     huber: float = Field(2.5, gt=0)
     max_iterations: int = Field(10, ge=1, le=100)
     oversample: int | None = Field(None, ge=1, le=16)
+    thresholds: Thresholds = Thresholds()

@@ -1,6 +1,6 @@
 """The cached step: joint.
 
-Where the disk told of the beam's bending (`bending.told_by_disk`), the step also leaves the image displaced by it, and
+Where the disk told of the beam's bending (`bending.bending_shown`), the step also leaves the image displaced by it, and
 what is known of its distortion, for later steps to use in place of those of the step undistort; its result says so by
 `image_moved`.
 """
@@ -14,8 +14,9 @@ from catalog.pose import Pose
 from tasks.correcting import CorrectionInputs, CorrectionResult, correction_step, recorded
 from tasks.fields import PoseField
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bending import DistortionError, displacement_of
-from tasks.joint.settings import PriorSettings
+from tasks.joint.beam_bending import displacement_of
+from tasks.joint.problem import DistortionError
+from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, scene_of
 from tasks.simulate import Scene
 from tasks.stored import load_arrays, load_observation, save_arrays, save_observation
@@ -58,11 +59,13 @@ def run(inputs: JointInputs, files: SceneFiles, work: Work) -> CorrectionResult:
         inputs.markings_match,
         inputs.own_priors,
     )
-    told = correction.evidence["bending"]
-    if told is None:
+    bending = correction.evidence["bending"]
+    if bending is None:
         return recorded(correction)
-    save_observation(work.folder, displaced(observation, displacement_of(told["strength"], known["bending_error_px"])))
-    save_arrays(work.folder / DISTORTION, **known_after(known, told["strength"], told["sigma"]))
+    save_observation(
+        work.folder, displaced(observation, displacement_of(bending["strength"], known["bending_error_px"]))
+    )
+    save_arrays(work.folder / DISTORTION, **known_after(known, bending["strength"], bending["sigma"]))
     return recorded(correction, image_moved=True)
 
 

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from catalog.pose import Pose
 from tasks.compiled import compiled_reordered
+from tasks.geometry.bilinear import bilinear
+from tasks.geometry.unit_sphere import closest_approach
 from tasks.simulate import Scene
 from tasks.simulate.coarse_map import map_as_coarse_as
 from tasks.simulate.window import Window
@@ -83,12 +85,12 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             dx = along_x[0] * u + along_y[0] * v + to_scaled[0, 2]
             dy = along_x[1] * u + along_y[1] * v + to_scaled[1, 2]
             dz = along_x[2] * u + along_y[2] * v + to_scaled[2, 2]
-            # With q = d.d, b = d.o: the ray hits where b^2 - q c > 0; its gradient in (u, v) gives the limb's distance.
-            q = dx * dx + dy * dy + dz * dz
             b = dx * ox + dy * oy + dz * oz
             if b >= 0:
                 continue
-            inside = b * b - q * c
+            # The ray hits where b^2 - q c > 0, with q = d.d, b = d.o; its gradient in (u, v) gives the limb's distance.
+            nearest_x, nearest_y, nearest_z, half_chord2, q = closest_approach(ox, oy, oz, dx, dy, dz)
+            inside = half_chord2 * q
             slope_u = b * per_u - 2 * c * (along_x[0] * dx + along_x[1] * dy + along_x[2] * dz)
             slope_v = b * per_v - 2 * c * (along_y[0] * dx + along_y[1] * dy + along_y[2] * dz)
             slope = np.sqrt(slope_u * slope_u + slope_v * slope_v)
@@ -100,8 +102,8 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             if distance < 0.5:
                 # In the middle of the part that is filled: the limb's own emission would be met by no part of it.
                 inside = 0.5 * filled * slope * step
-            t = (-b - np.sqrt(inside)) / q
-            sx, sy, sz = ox + t * dx, oy + t * dy, oz + t * dz
+            t = -np.sqrt(inside) / q
+            sx, sy, sz = nearest_x + t * dx, nearest_y + t * dy, nearest_z + t * dz
             length = 1 / np.sqrt(sx * sx + sy * sy + sz * sz)
             sx, sy, sz = sx * length, sy * length, sz * length
             nx, ny, nz = sx * inverse_x, sy * inverse_y, sz * inverse_z
@@ -135,33 +137,16 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
                 strip_y = -reach * north * rows_per_rad
                 for k in range(strips):
                     at = (2 * k + 1.0) / strips - 1.0
-                    total += _bilinear(albedo, x + at * strip_x, y + at * strip_y)
+                    total += bilinear(albedo, x + at * strip_x, y + at * strip_y)
                 value[i, j] = total / strips
             else:
-                value[i, j] = _bilinear(albedo, x, y)
+                value[i, j] = bilinear(albedo, x, y)
             # Per radian of longitude and latitude; then by the places that a turn of the body brings under the ray.
             stretch = min(half_step * far / flat, map_columns / 8.0)
-            per_longitude = (_bilinear(albedo, x + stretch, y) - _bilinear(albedo, x - stretch, y)) / (2 * stretch)
+            per_longitude = (bilinear(albedo, x + stretch, y) - bilinear(albedo, x - stretch, y)) / (2 * stretch)
             per_longitude *= columns_per_rad
-            per_latitude = (_bilinear(albedo, x, y - half_step) - _bilinear(albedo, x, y + half_step)) / (2 * half_step)
+            per_latitude = (bilinear(albedo, x, y - half_step) - bilinear(albedo, x, y + half_step)) / (2 * half_step)
             per_latitude *= rows_per_rad
             change[0, i, j] = degree * (per_longitude * px * pz / (flat * flat) - per_latitude * py / flat)
             change[1, i, j] = degree * (per_longitude * py * pz / (flat * flat) + per_latitude * px / flat)
             change[2, i, j] = -degree * per_longitude
-
-
-@compiled_reordered
-def _bilinear(albedo, x, y):  # type: ignore[no-untyped-def]
-    """Map value at column x (wrapped) and row y (held at the poles), 0-based."""
-    rows, columns = albedo.shape
-    y = min(max(y, 0.0), rows - 1.0)
-    left, top = int(np.floor(x)), int(y)
-    fx, fy = x - left, y - top
-    if left < 0 or left >= columns:
-        left %= columns
-    right, below = left + 1, min(top + 1, rows - 1)
-    if right == columns:
-        right = 0
-    upper = albedo[top, left] * (1 - fx) + albedo[top, right] * fx
-    lower = albedo[below, left] * (1 - fx) + albedo[below, right] * fx
-    return upper * (1 - fy) + lower * fy

@@ -9,34 +9,29 @@ from numpy.typing import NDArray
 
 from catalog.camera import Camera
 from catalog.target import Target
-from tasks.joint.fit import Fit, Problem, scaled_inverse
+from tasks.compare.limb_errors import RELIEF_ARC_DEG
+from tasks.joint.normal_equations import Fit, LinearProblem, scaled_inverse
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL
 from tasks.joint.settings import SystematicSettings
 
 Array = NDArray[np.float64]
 MOVING = len(NAMES)
-SKY_TILE_PX = 16
-# What a map gets wrong reaches over so many tiles.
-NEIGHBOURS = 4
-# Residuals are smaller than errors by what the unknowns took up of them, at most by this share: of a small disk's few
-# groups of tiles they take all, and their number tells no correction; independent pixels' errors are larger then.
-MOST_LOST = 0.5
-# How many parts of the lit limb rise and fall on their own, for relief coherent over some 20 degrees.
-INDEPENDENT_LIMBS = 9
+# How many parts of a half-lit limb rise and fall on their own.
+INDEPENDENT_LIMBS = round(180 / RELIEF_ARC_DEG)
 
 
-def covariance(problem: Problem, fit: Fit) -> Array:
+def covariance(problem: LinearProblem, fit: Fit) -> Array:
     """Covariance (8, 8) of the unknowns that move the image, see `covariance_of_all`."""
     return covariance_of_all(problem, fit)[-MOVING:, -MOVING:]
 
 
-def covariance_of_all(problem: Problem, fit: Fit) -> Array:
+def covariance_of_all(problem: LinearProblem, fit: Fit) -> Array:
     """Covariance (n, n) of all columns' values when the residuals of neighbouring tiles may all err together
     (cluster-robust sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
     scores = _scores(problem, fit)
     count = len(scores)
-    shrink = count / (count - min(len(fit.values), MOST_LOST * count))
+    shrink = count / (count - min(len(fit.values), problem.thresholds.variance.most_lost * count))
     meat = shrink * scores.T @ scores + np.diag(problem.prior)
     sandwich = bread @ meat @ bread
     # Never less than what independent pixels of the stated weight would give.
@@ -44,13 +39,14 @@ def covariance_of_all(problem: Problem, fit: Fit) -> Array:
     return np.asarray(sandwich * np.outer(ratio, ratio))
 
 
-def _scores(problem: Problem, fit: Fit) -> Array:
+def _scores(problem: LinearProblem, fit: Fit) -> Array:
     """Each cluster's pull on the unknowns (clusters, n): groups of tiles of the disk, squares of the sky."""
     ny, nx = problem.image.shape
     pull = (fit.weight * fit.residual).ravel()
-    y, x = np.indices((ny, nx)) // SKY_TILE_PX
-    sky = problem.tiles.count + y * (nx // SKY_TILE_PX + 1) + x
-    near = problem.tiles.neighbourhoods(NEIGHBOURS)
+    side = problem.thresholds.variance.sky_tile_px
+    y, x = np.indices((ny, nx)) // side
+    sky = problem.tiles.count + y * (nx // side + 1) + x
+    near = problem.tiles.neighbourhoods(problem.thresholds.variance.neighbours)
     label = np.where(near >= 0, near, sky).ravel()
     order = np.argsort(label, kind="stable")
     starts = np.flatnonzero(np.diff(label[order], prepend=-1))
@@ -69,7 +65,7 @@ def systematic(
     sigma = np.zeros(MOVING)
     sigma[OFFSET] = np.hypot(settings.centre_px * larger, shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px * larger, shared_px) / radius_px
-    sigma[ATTITUDE] = np.hypot(settings.attitude_deg, settings.map_frame_deg)
+    sigma[ATTITUDE] = settings.attitude_deg
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
 
@@ -105,7 +101,7 @@ def of_the_camera(camera: Camera) -> Array:
 
 
 @dataclass(frozen=True)
-class Untold:
+class PriorDominated:
     """A direction of the unknowns that the image tells less about than the metadata: combination (8,), in units of the
     prior's sigmas, and the image's own sigma over the prior's."""
 
@@ -118,7 +114,7 @@ class Untold:
         return {"direction": parts, "image_sigma_over_prior": None if np.isinf(self.ratio) else round(self.ratio, 3)}
 
 
-def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.bool_]) -> list[Untold]:
+def prior_dominated_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.bool_]) -> list[PriorDominated]:
     """Directions in which the prior, of 1-sigma `sigmas` (8,), says more than the image; by singular values of the
     image's information about the unknowns that have a prior, the others eliminated.
 
@@ -143,5 +139,5 @@ def untold_directions(fit: Fit, robust: Array, sigmas: Array, held: NDArray[np.b
         if value < 1:
             direction = np.zeros(MOVING)
             direction[names] = vector
-            found.append(Untold(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
+            found.append(PriorDominated(direction, float(1 / np.sqrt(value)) if value > 1e-6 else float("inf")))
     return found

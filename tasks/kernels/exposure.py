@@ -13,6 +13,7 @@ from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
 from catalog.plain_files import own_json
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.sight import LIGHT_KM_PER_S
@@ -89,7 +90,7 @@ def read_exposure(folder: Path) -> Exposure:
         pose = Pose.from_dict(nested["pose_after"])
     except DAMAGE as error:
         raise RefusedError(
-            "product-unreadable",
+            Reason.PRODUCT_UNREADABLE,
             f"{path} is not the metadata of a cube ({type(error).__name__}: {error}).",
             "Give a product's folder, or a store, as written by `planetpose correct`.",
         ) from error

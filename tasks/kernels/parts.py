@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from catalog.body import SECONDS_PER_DAY
 from catalog.spice_pose import instrument_from_platform
-from catalog.target import SECONDS_PER_DAY
 from tasks.kernels.binary import Motion, Orientation, Spin
 from tasks.kernels.exposure import LIGHT_KM_PER_S, Exposure
 from tasks.kernels.names import camera_frame_id, craft_id, is_built_in

@@ -11,25 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from tasks.kernels import plain_spice
 from tasks.kernels.exposure import Exposure
 from tasks.kernels.write import KernelSet
+from tasks.project.backplanes import ANGLES
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import ANGLES
 
 Array = NDArray[np.float64]
 CORRECTIONS = "CN+S"  # converged; LT+S leaves up to 2e-4 deg at light times of 10 s
 
 
 def spice_planes(
-    kernels: Sequence[Path], asked: Sequence[dict[str, Any]], corrections: str = CORRECTIONS
+    kernels: Sequence[Path], exposures_given: Sequence[dict[str, Any]], corrections: str = CORRECTIONS
 ) -> list[dict[str, Array]]:
     """ANGLES and range_km (n,) by plain SPICE in a second process, which loads `kernels` in order.
 
-    asked: for each exposure the names of `KernelSet.names_of`, et and xy_px (n, 2). NaN where SPICE's line misses the
-    body. Raises FailedError with its words when SPICE fails.
+    exposures_given: for each exposure the names of `KernelSet.names_of`, et and xy_px (n, 2). NaN where SPICE's line
+    misses the body. Raises FailedError with its words when SPICE fails.
     """
-    exposures = [{**one, "xy_px": np.asarray(one["xy_px"], dtype=float).tolist()} for one in asked]
+    exposures = [{**one, "xy_px": np.asarray(one["xy_px"], dtype=float).tolist()} for one in exposures_given]
     request = {"kernels": [str(path) for path in kernels], "corrections": corrections, "exposures": exposures}
     done = subprocess.run(
         [sys.executable, "-P", plain_spice.__file__],
@@ -40,7 +41,9 @@ def spice_planes(
     )
     if done.returncode != 0:
         fault = " ".join(done.stderr.split())[-500:]
-        raise FailedError("spice-failed", f"plain SPICE cannot use the kernels: {fault}", "Look at the left-out list.")
+        raise FailedError(
+            Reason.SPICE_FAILED, f"plain SPICE cannot use the kernels: {fault}", "Look at the left-out list."
+        )
     return [_columns(rows) for rows in json.loads(done.stdout)]
 
 
@@ -73,9 +76,11 @@ def round_trip(
     """For each exposure the largest differences between the projection and plain SPICE, by plane, degrees, over random
     pixels of the disk. kind: `alone`, or `mission` after mission_kernels."""
     places = [_pixels_of_disk(e, pixels) for e in exposures]
-    asked = [{**kernel_set.names_of(e), "et": e.pose.et, "xy_px": xy} for e, xy in zip(exposures, places, strict=True)]
+    exposures_given = [
+        {**kernel_set.names_of(e), "et": e.pose.et, "xy_px": xy} for e, xy in zip(exposures, places, strict=True)
+    ]
     kernels = [*(mission_kernels if kind == "mission" else ()), kernel_set.meta_kernels[kind]]
-    theirs = spice_planes(kernels, asked, corrections)
+    theirs = spice_planes(kernels, exposures_given, corrections)
     return [
         largest_difference_deg(project_pixels(e.pose, e.camera, e.target, xy), found)
         for e, xy, found in zip(exposures, places, theirs, strict=True)

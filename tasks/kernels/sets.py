@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.kernels.exposure import Exposure
 from tasks.kernels.round_trip import round_trip
 from tasks.kernels.write import KernelSet
@@ -27,10 +28,12 @@ def refuse_twins(exposures: Sequence[Exposure]) -> None:
     products = [e.product for e in exposures]
     twice = sorted({p for p in products if products.count(p) > 1})
     if twice:
-        raise RefusedError("product-twice", f"{', '.join(twice)} is given twice.", "Give each product once.")
+        raise RefusedError(Reason.PRODUCT_TWICE, f"{', '.join(twice)} is given twice.", "Give each product once.")
 
 
-def told(kernel_set: KernelSet, exposures: Sequence[Exposure], mission_kernels: list[Path] | None) -> dict[str, Any]:
+def set_report(
+    kernel_set: KernelSet, exposures: Sequence[Exposure], mission_kernels: list[Path] | None
+) -> dict[str, Any]:
     """The set as `--json` prints it. mission_kernels: None leaves out the round trip."""
     left = {(note["product"], kind) for note in kernel_set.left_out for kind in _kinds_of(note["what"])}
     trips: dict[str, Any] = {}

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from catalog.errors import FailedError, RefusedError
+from catalog.reasons import Reason
 
 SEPARATOR = "://"
 S3 = "s3"
@@ -48,14 +49,16 @@ def open_object_store(url: str) -> ObjectStore:
 
     protocol, _, bucket = url.partition(SEPARATOR)
     if not bucket.strip("/"):
-        raise RefusedError("store-unknown", f"store {url} names no bucket.", "Use s3://bucket/prefix.")
+        raise RefusedError(Reason.STORE_UNKNOWN, f"store {url} names no bucket.", "Use s3://bucket/prefix.")
     try:
         files, root = fsspec.url_to_fs(url.rstrip("/"), **OPTIONS.get(protocol, {}))
     except ImportError as error:
         remedy = "pip install 'planetpose[s3]'" if protocol == S3 else f"Install fsspec's driver for {protocol}."
-        raise RefusedError("store-driver-missing", f"store {url}: {error}.", remedy) from error
+        raise RefusedError(Reason.STORE_DRIVER_MISSING, f"store {url}: {error}.", remedy) from error
     except ValueError as error:
-        raise RefusedError("store-unknown", f"store {url}: {error}.", "Use a folder or s3://bucket/prefix.") from error
+        raise RefusedError(
+            Reason.STORE_UNKNOWN, f"store {url}: {error}.", "Use a folder or s3://bucket/prefix."
+        ) from error
     return ObjectStore(files, root.rstrip("/"), url.rstrip("/"))
 
 
@@ -67,18 +70,20 @@ def reaching(store: ObjectStore) -> Iterator[None]:
         yield
     except PermissionError as error:
         remedy = "Check AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE, and the bucket's policy."
-        raise FailedError("store-forbidden", f"store {store.url} may not be used ({_told(error)}).", remedy) from error
+        raise FailedError(
+            Reason.STORE_FORBIDDEN, f"store {store.url} may not be used ({_in_words(error)}).", remedy
+        ) from error
     except FileNotFoundError as error:
-        fault = f"store {store.url}: {_told(error)}."
-        raise FailedError("store-missing", fault, "Make the bucket; check AWS_ENDPOINT_URL.") from error
+        fault = f"store {store.url}: {_in_words(error)}."
+        raise FailedError(Reason.STORE_MISSING, fault, "Make the bucket; check AWS_ENDPOINT_URL.") from error
     except storage_errors() as error:
         if type(error).__name__ in ("NoCredentialsError", "PartialCredentialsError", "ProfileNotFound"):
             remedy = "Set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE."
-            raise FailedError("store-forbidden", f"store {store.url}: {_told(error)}.", remedy) from error
-        fault = f"store {store.url} cannot be reached ({_told(error)})."
-        raise FailedError("store-unreachable", fault, "Check the network and AWS_ENDPOINT_URL.") from ConnectionError(
-            _told(error)
-        )
+            raise FailedError(Reason.STORE_FORBIDDEN, f"store {store.url}: {_in_words(error)}.", remedy) from error
+        fault = f"store {store.url} cannot be reached ({_in_words(error)})."
+        raise FailedError(
+            Reason.STORE_UNREACHABLE, fault, "Check the network and AWS_ENDPOINT_URL."
+        ) from ConnectionError(_in_words(error))
 
 
 def storage_errors() -> tuple[type[Exception], ...]:
@@ -90,5 +95,5 @@ def storage_errors() -> tuple[type[Exception], ...]:
     return (OSError, BotoCoreError, ClientError)
 
 
-def _told(error: Exception) -> str:
+def _in_words(error: Exception) -> str:
     return f"{type(error).__name__}: {error}".rstrip(".: ")

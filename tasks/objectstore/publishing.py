@@ -10,6 +10,7 @@ from pathlib import Path
 
 from catalog.errors import FailedError
 from catalog.plain_files import own_json
+from catalog.reasons import Reason
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.publish.checksums import CHECKSUMS
 from tasks.publish.contained import refuse_what_is_elsewhere
@@ -77,9 +78,9 @@ def publish_product(folder: Path, store: ObjectStore) -> Copied:
     if written != sizes:
         differing = sorted(name for name in written.keys() | sizes.keys() if written.get(name) != sizes.get(name))
         fault = f"store {store.url} has not what was written: {folder.name}/{differing[0]}."
-        raise FailedError("store-differs", fault, "Is another program writing there? Try again.") from ConnectionError(
-            differing[0]
-        )
+        raise FailedError(
+            Reason.STORE_DIFFERS, fault, "Is another program writing there? Try again."
+        ) from ConnectionError(differing[0])
     return Copied(len(sizes), sum(sizes.values()), len(older - set(sizes)))
 
 

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.safe_name import is_safe_product_name
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.objectstore.publishing import CUBE_OPENER
@@ -57,12 +58,14 @@ def download_product(store: ObjectStore, product: str, into: Path) -> Path:
     with reaching(store):
         place = store.path(product)
         if not is_safe_product_name(product) or not store.files.exists(f"{place}/{RECORD_FILE}"):
-            raise RefusedError("product-missing", f"{store.url} holds no whole product {product}.", "Check the name.")
+            raise RefusedError(
+                Reason.PRODUCT_MISSING, f"{store.url} holds no whole product {product}.", "Check the name."
+            )
         base = place.strip("/")
         names = [path.strip("/").removeprefix(f"{base}/") for path in store.files.find(place)]
         targets = [folder / name for name in names]
         if not all(target.resolve().is_relative_to(folder.resolve()) for target in targets):
-            raise RefusedError("product-unsafe", f"{store.url}/{product} has names that leave its folder.", "")
+            raise RefusedError(Reason.PRODUCT_UNSAFE, f"{store.url}/{product} has names that leave its folder.", "")
         for parent in {target.parent for target in targets}:
             parent.mkdir(parents=True, exist_ok=True)
         store.files.get([f"{place}/{name}" for name in names], [str(target) for target in targets])

@@ -61,4 +61,4 @@ def run(inputs: UploadInputs, files: UploadFiles, _: Work) -> UploadResult:
     return UploadResult(url=inputs.url, **asdict(publish_product(folder, store)))
 
 
-STEP = StepType("upload", run, UploadResult, told_as={"url": "object store"}, find_record=published_record)
+STEP = StepType("upload", run, UploadResult, labels={"url": "object store"}, find_record=published_record)

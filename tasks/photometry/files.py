@@ -84,8 +84,8 @@ def write_photometry(
 ) -> list[Path]:
     """Write photometry.json, parameters.csv, images.csv and one PNG per fitted region into `out`; returns their
     paths."""
+    from tasks.photometry.figure import photometry_figure
     from tasks.pictures.canvas import DRAWING
-    from tasks.pictures.photometry_figure import photometry_figure
 
     out.mkdir(parents=True, exist_ok=True)
     content = [in_json(result, law) for result in results]

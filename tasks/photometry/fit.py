@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError, RefusedError
+from catalog.reasons import Reason
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.photometry.laws import PhotometricLaw, Values
 from tasks.photometry.region import RegionPixels
 
@@ -92,7 +94,9 @@ class _Problem:
         unknown = set(settings.held) - {p.name for p in law.parameters} - {SCALE}
         if unknown:
             known = ", ".join(p.name for p in law.parameters)
-            raise RefusedError("parameter-unknown", f"{law.name} has no {', '.join(sorted(unknown))}.", f"Has {known}.")
+            raise RefusedError(
+                Reason.PARAMETER_UNKNOWN, f"{law.name} has no {', '.join(sorted(unknown))}.", f"Has {known}."
+            )
         self.names = tuple(name for name in bounds if name not in self.held)
         self.start, self.low, self.high = (np.array([bounds[n][k] for n in self.names]) for k in range(3))
         self.images = len(pixels.products) if settings.calibration_sigma > 0 and len(pixels.products) > 1 else 0
@@ -104,7 +108,7 @@ class _Problem:
         self.expected = np.zeros(len(self.prior))
         _, self.tile = np.unique(pixels.tile, return_inverse=True)
         if len(pixels.value) < 5 * (len(self.names) + self.images):
-            raise FailedError("too-few-pixels", "the region has too few pixels for this law.", "Widen it.")
+            raise FailedError(Reason.TOO_FEW_PIXELS, "the region has too few pixels for this law.", "Widen it.")
 
     def _levels(self) -> Array:
         """Median brightness of each image."""
@@ -112,7 +116,7 @@ class _Problem:
         level = np.array([np.median(values[image == i]) for i in range(len(self.pixels.products))])
         if (level <= 0).any():
             dark = self.pixels.products[int(np.argmin(level))]
-            raise FailedError("no-light", f"{dark} shows no light in the region.", "Lower --max-incidence-deg.")
+            raise FailedError(Reason.NO_LIGHT, f"{dark} shows no light in the region.", "Lower --max-incidence-deg.")
         return level
 
     def values(self, x: Array) -> Values:
@@ -200,10 +204,10 @@ class _Problem:
         """Inverse variances after Huber's down-weighting, and the mean size of the residuals."""
         residual = self.residual(x)
         image = self.pixels.image
-        spread = np.array([1.4826 * np.median(np.abs(residual[image == i])) for i in range(len(self.level))])
+        spread = np.array([sigma_about_zero(residual[image == i]) for i in range(len(self.level))])
         sigma = np.maximum(spread, 1e-6)[image]
         size = np.abs(residual) / sigma
-        weight = counts * np.minimum(1, HUBER / np.maximum(size, 1e-12)) / sigma**2
+        weight = counts * huber_weight(size, HUBER) / sigma**2
         return weight, float(np.average(np.abs(residual), weights=counts))
 
     def covariance(self, x: Array, weight: Array) -> tuple[Array, str]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.photometry.hapke import HapkeSurface, hapke
 
 Array = NDArray[np.float64]
@@ -96,5 +97,5 @@ LAWS = {law.name: law for law in (LUNAR_LAMBERT, HAPKE)}
 def find_law(name: str) -> PhotometricLaw:
     """The law of this name. Raises RefusedError when there is none."""
     if name not in LAWS:
-        raise RefusedError("law-unknown", f"there is no phase function {name}.", f"Known are {', '.join(LAWS)}.")
+        raise RefusedError(Reason.LAW_UNKNOWN, f"there is no phase function {name}.", f"Known are {', '.join(LAWS)}.")
     return LAWS[name]

@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 from catalog.basemap import BaseMap
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Quality
+from catalog.reasons import Reason
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
+from tasks.geometry.bilinear import map_values
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE
@@ -86,7 +88,7 @@ def usable_products(store: Path, doubtful: bool = False) -> list[Path]:
     if wanted.empty:
         found = ", ".join(f"{n} {status}" for status, n in index["status"].value_counts().items()) or "nothing"
         raise RefusedError(
-            "no-usable-image",
+            Reason.NO_USABLE_IMAGE,
             f"{store} holds no image whose geometry is ok ({found}).",
             "Look at `planetpose index`; `--doubtful` takes doubtful ones too.",
         )
@@ -119,7 +121,7 @@ def region_pixels(
         targets.add(gathered.target)
         if len(targets) > 1:
             raise RefusedError(
-                "targets-differ", f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
+                Reason.TARGETS_DIFFER, f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
             )
         count = len(gathered.columns["value"])
         parts.append(gathered.columns | {"image": np.full(count, len(products))})
@@ -127,7 +129,7 @@ def region_pixels(
         seen.append(gathered.seen)
     if not products:
         raise RefusedError(
-            "region-unseen",
+            Reason.REGION_UNSEEN,
             f"none of {len(folders)} images has {FEWEST_PIXELS} usable pixels of the region within the limits.",
             "Widen the region or the limits of the angles.",
         )
@@ -154,7 +156,8 @@ def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: 
     value, incidence, emission, phase, latitude, longitude = (table[name].to_numpy(np.float64) for name in names)
     albedo = np.ones_like(value)
     if albedo_map:
-        albedo = _map_as_coarse_as_pixels(source).sample(latitude, longitude).astype(np.float64)
+        basemap = _map_as_coarse_as_pixels(source)
+        albedo = map_values(basemap.albedo, basemap.left_edge_deg, latitude, longitude)
     return {
         "value": value - sky_level(source),
         "mu0": np.cos(np.radians(incidence)),

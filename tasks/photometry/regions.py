@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight
@@ -60,7 +61,7 @@ def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
             for row in rows
         ]
     except (OSError, UnicodeDecodeError, csv.Error, KeyError, TypeError, ValueError) as error:
-        raise RefusedError("regions-unreadable", f"{path} lists no regions ({error}).", remedy) from error
+        raise RefusedError(Reason.REGIONS_UNREADABLE, f"{path} lists no regions ({error}).", remedy) from error
     if not found:
-        raise RefusedError("regions-unreadable", f"{path} lists no regions.", remedy)
+        raise RefusedError(Reason.REGIONS_UNREADABLE, f"{path} lists no regions.", remedy)
     return found

@@ -47,7 +47,7 @@ def segments_figure(comparison: LimbComparison) -> "Figure":
                    label="predicted limb")  # fmt: skip
     panel.plot(*_closed(after.limb_px), color=SKY, linewidth=0.9, label="corrected limb")
     _draw_segments(panel, after)
-    panel.set_title(f"{product.name}: {len(after.shift_px)} segments on the lit limb, {told(after)}", fontsize=10)
+    panel.set_title(f"{product.name}: {len(after.shift_px)} segments on the lit limb, {shift_text(after)}", fontsize=10)
     _frame_limb(panel, comparison)
     panel.legend(loc="upper right", fontsize=8)
     return figure
@@ -84,7 +84,7 @@ def shifts_figure(comparison: LimbComparison) -> "Figure":
     return figure
 
 
-def told(found: LimbProfiles) -> str:
+def shift_text(found: LimbProfiles) -> str:
     """The shifts in words."""
     return "too few to judge" if found.rms_px is None else f"shift {found.rms_px:.2f} px rms"
 
@@ -127,7 +127,7 @@ def _grid(
     for panel in panels[:: GRID[1]]:
         panel.set_ylabel(label, fontsize=8)
     panels[0].legend(fontsize=7, frameon=False)
-    figure.suptitle(f"{comparison.product.name}: {label} along limb segments, {told(found)}", fontsize=11)
+    figure.suptitle(f"{comparison.product.name}: {label} along limb segments, {shift_text(found)}", fontsize=11)
     return figure
 
 
@@ -155,7 +155,7 @@ def _histogram(panel: "Axes", found: LimbProfiles, name: str) -> None:
     panel.hist(found.shift_px, bins=np.linspace(-reach, reach, 41).tolist(), color=color)
     panel.axvline(0, **LIMB)
     panel.set_xlabel("shift of the image, px outward", fontsize=8)
-    panel.set_title(f"{name}: {len(found.shift_px)} segments, {told(found)}", fontsize=9)
+    panel.set_title(f"{name}: {len(found.shift_px)} segments, {shift_text(found)}", fontsize=9)
     panel.tick_params(labelsize=7)
     bare(panel)
 

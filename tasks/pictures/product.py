@@ -13,6 +13,7 @@ from catalog.observation import Observation, Quality
 from catalog.plain_files import own_json
 from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
@@ -91,7 +92,7 @@ def map_of_product(made_with: dict[str, Any], target: Target, given: Path | None
     found = read_map(path, made_with.get("left_edge_deg", 0.0)) if path else None
     if found is None or found.sha256 != made_with.get("sha256"):
         raise RefusedError(
-            "map-differs",
+            Reason.MAP_DIFFERS,
             f"{folder} was made with the base map {made_with.get('name')}, which {path or 'the catalog'} is not.",
             "Give the same file again with --map.",
         )

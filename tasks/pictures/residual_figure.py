@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
 from tasks.pictures.canvas import GAMMA, SKY, YELLOW, canvas
@@ -67,7 +68,7 @@ def residual_figure(product: Product) -> "Figure":
     simulation, residual in per cent of the disk's bright parts."""
     after = residual_of(product, product.after)
     if after is None:
-        raise FailedError("no-usable-pixels", f"no usable pixel of {product.name} shows the target.")
+        raise FailedError(Reason.NO_USABLE_PIXELS, f"no usable pixel of {product.name} shows the target.")
     before = residual_of(product, product.before)
     rows = [("corrected", after, SKY)] + ([("predicted", before, YELLOW)] if before else [])
     figure, panels = canvas(len(rows), 3, (3.6, 3.3))

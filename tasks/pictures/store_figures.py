@@ -92,7 +92,7 @@ def _plain_ticks(panel: "Axes", values: np.ndarray) -> None:
     panel.xaxis.set_minor_formatter(NullFormatter())
 
 
-def told(index: "pd.DataFrame", quantity: Quantity) -> Sequence[tuple[str, int, float, float, float]]:
+def spread_by_camera(index: "pd.DataFrame", quantity: Quantity) -> Sequence[tuple[str, int, float, float, float]]:
     """Camera, number of images, smallest, median, largest."""
     values = quantity.values(index)
     rows = []

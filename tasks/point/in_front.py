@@ -55,11 +55,11 @@ def find_in_front(observation: Observation, pose: Pose, scene: Scene, min_overla
     for level in (dark, 0.0) if dark > limit - dark else (dark,):
         behind = np.maximum(large - level, 0.0)
         scores, counts = hidden_scores(image, observation.usable, behind, disk, cover, min_overlap)
-        told = evidence(scores, counts)
-        row, column = np.unravel_index(int(np.argmax(told)), scores.shape)
+        strength = evidence(scores, counts)
+        row, column = np.unravel_index(int(np.argmax(strength)), scores.shape)
         ny, nx = window.shape
         place = frame_centre + np.array([column - nx + 1, row - ny + 1]) - np.array([window.x0, window.y0])
-        best = max(best, (float(told[row, column]), float(scores[row, column]), place), key=lambda found: found[0])
+        best = max(best, (float(strength[row, column]), float(scores[row, column]), place), key=lambda found: found[0])
     return CoarseFind(pose_pointed_at(pose, scene.camera, best[2]), best[1], n)
 
 

@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError, RefusedError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.likeness import likeness, with_rim
 from tasks.compare.match import match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
@@ -57,14 +58,14 @@ def refuse_without_limb(pose: Pose, scene: Scene) -> None:
     diagonal = float(np.hypot(*scene.camera.size_px))
     if radius > 2 * diagonal:
         raise RefusedError(
-            "no-limb",
+            Reason.NO_LIMB,
             f"the disk of {scene.target.name} is {2 * radius:.0f} px wide and the frame {scene.camera.size_px[0]} px: "
             "no limb to register.",
             "Only frames that show a limb can be corrected; choose one taken from farther away, or check the range.",
         )
     if radius < 4:
         raise RefusedError(
-            "disk-too-small",
+            Reason.DISK_TOO_SMALL,
             f"the disk of {scene.target.name} is only {2 * radius:.1f} px wide.",
             "It must be resolved (at least 8 px); check the range and the camera.",
         )
@@ -83,7 +84,7 @@ def refuse_saturated(observation: Observation) -> None:
     bright = int(np.count_nonzero(areas(plate | (usable & (observation.image > (low + value) / 2)))))
     if saturated > SATURATED_SHARE * bright:
         raise RefusedError(
-            "saturated",
+            Reason.SATURATED,
             f"the disk is saturated: {saturated} of its {bright} bright pixels are clipped at the value {value:g}.",
             "Choose a shorter exposure.",
         )
@@ -106,7 +107,7 @@ def find_pointing(
         evidence["coarse"] = {"score": found.score, "step_px": found.step_px}
         if not found.score >= settings.min_score:
             raise RefusedError(
-                "target-not-found",
+                Reason.TARGET_NOT_FOUND,
                 f"nothing in the frame looks like {scene.target.name} (best correlation {found.score:.2f}, "
                 f"needed {settings.min_score}).",
                 "Check target, range, Sun direction and base map; an empty, saturated or cut-off frame gives this too.",
@@ -123,7 +124,7 @@ def find_pointing(
     share = share_in_frame(settled, scene)
     if share < settings.min_overlap:
         raise RefusedError(
-            "target-not-found",
+            Reason.TARGET_NOT_FOUND,
             f"the disk of {scene.target.name} fits best where only {share:.0%} of it would be in the frame "
             f"(needed {settings.min_overlap:.0%}).",
             "Check target, range and Sun direction; a frame without the target gives this too.",
@@ -131,7 +132,7 @@ def find_pointing(
     alike = likeness_at(observation, settled, scene)
     if not min(shift.quality, alike) >= settings.min_correlation:
         raise RefusedError(
-            "target-not-found",
+            Reason.TARGET_NOT_FOUND,
             f"image and simulation of {scene.target.name} correlate by only {min(shift.quality, alike):.2f} "
             f"(needed {settings.min_correlation}; negative: the target would be darker than the sky).",
             "Check target, range, Sun direction and base map.",
@@ -177,7 +178,7 @@ def doubt_of_rival(
         return None
     x, y = predicted_centre(rival, scene)
     return (
-        f"fits-elsewhere: {scene.target.name} fits nearly as well at ({x:.0f}, {y:.0f}): image and simulation "
+        f"{Reason.FITS_ELSEWHERE}: {scene.target.name} fits nearly as well at ({x:.0f}, {y:.0f}): image and simulation "
         f"correlate by {there:.2f} there and by {alike:.2f} where it was found. Mask what is another body (--mask), or "
         "say where the target is (--start-offset)."
     )
@@ -241,7 +242,7 @@ def settle(
         if rest is not None:
             return pose_moved_by(pose, scene.camera, rest.back), shift, history, rest
     raise FailedError(
-        "did-not-converge",
+        Reason.DID_NOT_CONVERGE,
         f"pointing did not converge in {settings.max_iterations} iterations; moves were "
         + ", ".join(f"{np.hypot(move[0], move[1]):.3f}" for move in history)
         + " px.",

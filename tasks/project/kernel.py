@@ -1,8 +1,7 @@
 """The projection's inner loop, compiled by numba: short loops over one row of pixels that the compiler can vectorise.
 
 It holds no lock of the interpreter (nogil), so `planes` runs blocks of rows in plain threads: no OpenMP, which would
-make forks and concurrent callers unsafe and the compilation several times longer. All of it is in one file, because
-numba's cache of compiled code notices changes in that file only.
+make forks and concurrent callers unsafe and the compilation several times longer.
 """
 
 import math
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compiled import compiled
+from tasks.geometry.unit_sphere import first_hit
 
 DEGREES = 180.0 / math.pi
 TINY = 1e-290  # keeps 0/0 at the poles and the sub-solar point from becoming NaN
@@ -72,7 +72,7 @@ def _angle_deg(ax: float, ay: float, az: float, bx: float, by: float, bz: float)
 
 @compiled
 def _intersect_row(anchor, backward, spacecraft, radii, dx, dy, px, py, pz):  # type: ignore[no-untyped-def]
-    """Points (3, n) km of one row's pixels; NaN off the body. See `rays.intersect`."""
+    """Points (3, n) km of one row's pixels; NaN off the body. See `unit_sphere.first_hit`."""
     gx0 = anchor[0, 0] + anchor[0, 2] * dy
     gy0 = anchor[1, 0] + anchor[1, 2] * dy
     gz0 = anchor[2, 0] + anchor[2, 2] * dy
@@ -87,15 +87,8 @@ def _intersect_row(anchor, backward, spacecraft, radii, dx, dy, px, py, pz):  # 
         x = dx + i
         gx, gy, gz = gx0 + gx1 * x, gy0 + gy1 * x, gz0 + gz1 * x
         qx, qy, qz = qx0 + qx1 * x, qy0 + qy1 * x, qz0 + qz1 * x
-        q2 = qx * qx + qy * qy + qz * qz
-        w = -(gx * qx + gy * qy + gz * qz) / q2
-        cx, cy, cz = gx + w * qx, gy + w * qy, gz + w * qz
-        w = math.sqrt((1.0 - (cx * cx + cy * cy + cz * cz)) / q2)
-        cx, cy, cz = cx + w * qx, cy + w * qy, cz + w * qz
-        ahead = (sx - cx) * qx + (sy - cy) * qy + (sz - cz) * qz > 0.0
-        px[i] = rx * cx if ahead else np.nan
-        py[i] = ry * cy if ahead else np.nan
-        pz[i] = rz * cz if ahead else np.nan
+        cx, cy, cz = first_hit(gx, gy, gz, qx, qy, qz, sx, sy, sz)
+        px[i], py[i], pz[i] = rx * cx, ry * cy, rz * cz
 
 
 @compiled

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.regular_file import check_regular
 from catalog.target import Target
 
@@ -39,13 +40,13 @@ class Mesh:
 def mesh_of(target: Target) -> Mesh:
     """The target's shape model. Raises RefusedError when it has none, or a file that cannot be used."""
     if target.shape is None:
-        raise RefusedError("shape-missing", f"target {target.name} has no shape model.", "Give --shape FILE.")
+        raise RefusedError(Reason.SHAPE_MISSING, f"target {target.name} has no shape model.", "Give --shape FILE.")
     path = Path(target.shape)
     mesh = read_mesh(path, target.naif_id)
     largest = max(target.radii_km)
     if not largest / LARGEST_RATIO < mesh.radius_km < largest * LARGEST_RATIO:
         raise RefusedError(
-            "shape-size",
+            Reason.SHAPE_SIZE,
             f"shape model {path} reaches {mesh.radius_km:.6g} km from its origin; the largest radius of {target.name} "
             f"is {largest:.6g} km.",
             "Shape models are in kilometres, about the body's centre, in its body-fixed frame.",
@@ -63,11 +64,11 @@ def read_mesh(path: Path, naif_id: int | None = None) -> Mesh:
     try:
         found = check_regular(path)
     except FileNotFoundError as error:
-        raise RefusedError("shape-unreadable", f"shape model {path} does not exist.", remedy) from error
+        raise RefusedError(Reason.SHAPE_UNREADABLE, f"shape model {path} does not exist.", remedy) from error
     except OSError as error:
-        raise RefusedError("shape-unreadable", f"shape model {path}: {error.strerror}.", remedy) from error
+        raise RefusedError(Reason.SHAPE_UNREADABLE, f"shape model {path}: {error.strerror}.", remedy) from error
     if path.suffix.lower() not in SUFFIXES:
-        raise RefusedError("shape-unreadable", f"shape model {path} is of no known kind.", remedy)
+        raise RefusedError(Reason.SHAPE_UNREADABLE, f"shape model {path} is of no known kind.", remedy)
     return _read(path.absolute(), found.st_mtime_ns, naif_id)
 
 
@@ -77,7 +78,7 @@ def _read(path: Path, _: int, naif_id: int | None) -> Mesh:
         return _read_dsk(path, naif_id) if path.suffix.lower() in (".bds", ".dsk") else _read_with_mitsuba(path)
     except (ValueError, RuntimeError) as error:
         fault = " ".join(str(error).split())[:300]
-        raise RefusedError("shape-unreadable", f"shape model {path}: {fault}.", "Is it a whole file?") from error
+        raise RefusedError(Reason.SHAPE_UNREADABLE, f"shape model {path}: {fault}.", "Is it a whole file?") from error
 
 
 def _read_with_mitsuba(path: Path) -> Mesh:

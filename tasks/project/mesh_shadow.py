@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import Window
 from tasks.project.mesh import Mesh
 from tasks.project.mesh_tracing import mitsuba_mesh
-from tasks.project.planes import Window
 from tasks.project.rays import sun_in_radii
 from tasks.project.sight import sight_of
 from tasks.renderer import mitsuba, rendered

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
+from tasks.project.backplanes import Window
 from tasks.project.mesh import Mesh
-from tasks.project.planes import Window
 from tasks.project.rays import spacecraft_in_radii
 from tasks.project.sight import sight_of
 from tasks.renderer import mitsuba, rendered
@@ -89,7 +90,7 @@ def _pinhole(pose: Pose, camera: Camera, target: Target, mesh: Mesh) -> Array:
     seen = (mesh.vertices_km - sight.spacecraft_km) @ np.linalg.inv(sight.body_from_camera).T
     if (seen[:, 2] <= 0).any():
         raise RefusedError(
-            "shape-behind-camera",
+            Reason.SHAPE_BEHIND_CAMERA,
             f"a part of the shape model of {target.name} is not in front of {camera.name}.",
             "Check the pose; shape models are projected only where the camera has the whole body before it.",
         )

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.project.limb_distance import limb_distance_km
 from tasks.project.rays import dot
@@ -185,7 +186,7 @@ def planes_named(text: str) -> tuple[str, ...]:
     unknown = [name for name in names if name not in ADDED_PLANES]
     if unknown or not names:
         raise RefusedError(
-            "plane-unknown",
+            Reason.PLANE_UNKNOWN,
             f"there is no plane {', '.join(unknown) or text!r}.",
             f"Known are {', '.join(ADDED_PLANES)}; or all. The others are in every cube.",
         )

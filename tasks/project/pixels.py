@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.project.planes import PLANES, POINT, Array
+from tasks.project.backplanes import PLANES, Array
 from tasks.project.rays import intersect, rays_of
-from tasks.project.seen import Seen
+from tasks.project.seen import Seen, scattered
+from tasks.project.shaped import mesh_seen_at
 
 
 def project_pixels(
@@ -35,20 +36,9 @@ def seen_at(
     """Which of the undistorted pixels (..., 2) see the body (...), and the points that those see. shadows: of a shape
     model on itself, too."""
     if target.shape is not None:
-        from tasks.project.shaped import mesh_seen_at
-
         return mesh_seen_at(pose, camera, target, np.asarray(xy_px, dtype=np.float64), shadows)
     rays, xy = rays_of(pose, camera, target), np.asarray(xy_px, dtype=np.float64)
     scaled = intersect(rays, xy)
     on_body = np.isfinite(scaled[..., 0])
     scaled, radii = scaled[on_body], np.asarray(target.radii_km)
     return on_body, Seen(pose, camera, target, scaled * radii, scaled / radii, -rays.apparent_at(xy[on_body]))
-
-
-def scattered(on_body: NDArray[np.bool_], seen: Seen, planes: Sequence[str]) -> dict[str, Array]:
-    """`planes` of what is seen as arrays of on_body's shape, NaN where it is False."""
-    out = {}
-    for name in planes:
-        out[name] = np.full(on_body.shape, np.nan)
-        out[name][on_body] = seen.points_km[:, POINT.index(name)] if name in POINT else getattr(seen, name)
-    return out

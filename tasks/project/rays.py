@@ -13,7 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
+from tasks.geometry.unit_sphere import first_hits
 from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
@@ -62,7 +64,7 @@ def spacecraft_in_radii(pose: Pose, target: Target) -> Array:
     spacecraft = sight_of(pose, target).spacecraft_km / np.asarray(target.radii_km)
     if spacecraft @ spacecraft <= 1.0:
         raise RefusedError(
-            "spacecraft-inside-target",
+            Reason.SPACECRAFT_INSIDE_TARGET,
             f"the pose puts the spacecraft {pose.range_km:.6g} km from the centre of {target.name}, inside the body.",
             "Check target_from_spacecraft_km (kilometres) and the target's radii.",
         )
@@ -74,7 +76,7 @@ def sun_in_radii(pose: Pose, target: Target) -> Array:
     sun = pose.body_from_j2000 @ pose.sun_from_target_km / np.asarray(target.radii_km)
     if sun @ sun <= 1.0:
         raise RefusedError(
-            "sun-inside-target",
+            Reason.SUN_INSIDE_TARGET,
             f"the pose puts the Sun {np.linalg.norm(pose.sun_from_target_km):.6g} km from the centre of {target.name}.",
             "Check sun_from_target_km: kilometres, not a unit vector.",
         )
@@ -102,18 +104,11 @@ def rays_of(pose: Pose, camera: Camera, target: Target) -> Rays:
 
 
 def intersect(rays: Rays, xy_px: ArrayLike) -> Array:
-    """Nearest intersections (..., 3) with the unit sphere of pixels (..., 2); NaN where the line misses it.
-
-    Paper, equations 13-16, solved from the point of closest approach, which keeps the root accurate at the limb.
-    """
+    """Nearest intersections (..., 3) with the unit sphere of pixels (..., 2); NaN where the line misses it
+    (paper, equations 13-16)."""
     anchor, backward = rays.at(xy_px)
-    length2 = dot(backward, backward)
-    closest = anchor - backward * (dot(anchor, backward) / length2)
-    with np.errstate(invalid="ignore"):
-        half_chord = np.sqrt(1.0 - dot(closest, closest))
-    point = closest + backward * (half_chord / np.sqrt(length2))
-    ahead = dot(rays.spacecraft - point, backward) > 0
-    return np.where(ahead, point, np.nan)
+    points = first_hits(anchor.reshape(-1, 3), backward.reshape(-1, 3), rays.spacecraft)
+    return points.reshape(anchor.shape)
 
 
 def dot(a: Array, b: Array) -> Array:

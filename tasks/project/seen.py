@@ -1,5 +1,6 @@
 """What pixels see, point by point: the common ground of ellipsoids and shape models, from which every plane follows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import POINT
 from tasks.project.rays import dot, sun_in_radii
 from tasks.project.sight import Sight, sight_of
 
@@ -100,3 +102,12 @@ def angle_deg(a: Array, b: Array) -> Array:
     """Angles (n,) between vectors (n, 3) of any length, exact also near 0 and 180."""
     cross = np.cross(a, b)
     return np.degrees(np.arctan2(np.sqrt(dot(cross, cross)), dot(a, b)))[:, 0]
+
+
+def scattered(on_body: NDArray[np.bool_], seen: Seen, planes: Sequence[str]) -> dict[str, Array]:
+    """`planes` of what is seen as arrays of on_body's shape, NaN where it is False."""
+    out = {}
+    for name in planes:
+        out[name] = np.full(on_body.shape, np.nan)
+        out[name][on_body] = seen.points_km[:, POINT.index(name)] if name in POINT else getattr(seen, name)
+    return out

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import PLANES, SUNLIT, Backplanes, Window, full_window
 from tasks.project.mesh import Mesh, mesh_of
 from tasks.project.mesh_shadow import sunlit_faces_under
 from tasks.project.mesh_tracing import triangles_under_pixels, triangles_under_places
-from tasks.project.planes import PLANES, SUNLIT, Planes, Window, full_window
-from tasks.project.seen import Seen
+from tasks.project.seen import Seen, scattered
 from tasks.project.sight import sight_of
 
 Array = NDArray[np.float64]
@@ -21,17 +21,15 @@ Array = NDArray[np.float64]
 
 def project_mesh_planes(
     pose: Pose, camera: Camera, target: Target, window: Window | None = None, planes: Sequence[str] = PLANES
-) -> Planes:
+) -> Backplanes:
     """As `project_planes`, on the target's shape model. Emission, incidence: from the seen triangle's normal.
 
     Raises RefusedError when the pose puts spacecraft or Sun inside the target, or the camera has not the whole body
     before it.
     """
-    from tasks.project.pixels import scattered
-
     window = window or full_window(camera)
     on_body, seen = mesh_seen(pose, camera, target, window, shadows=SUNLIT in planes)
-    return Planes(window, scattered(on_body, seen, planes))
+    return Backplanes(window, scattered(on_body, seen, planes))
 
 
 def mesh_seen(

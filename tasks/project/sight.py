@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.body import SECONDS_PER_DAY, Target
 from catalog.pose import Pose
-from catalog.target import SECONDS_PER_DAY, Target
 
 Array = NDArray[np.float64]
 LIGHT_KM_PER_S = 299792.458

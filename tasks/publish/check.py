@@ -17,9 +17,10 @@ from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.plain_files import own_json
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
+from tasks.project.backplanes import PLANES
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import PLANES
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
@@ -59,7 +60,7 @@ def products_in(path: Path) -> list[Path]:
     found = sorted(p for p in path.iterdir() if p.is_dir() and p.name[:1] != ".") if path.is_dir() else []
     products = [folder for folder in found if any((folder / name).exists() for name in (CUBE, RESULT, RECORD_FILE))]
     if not products:
-        raise RefusedError("product-missing", f"{path} holds no product.", "Give a store or a product's folder.")
+        raise RefusedError(Reason.PRODUCT_MISSING, f"{path} holds no product.", "Give a store or a product's folder.")
     return products
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
+from catalog.reasons import Reason
 
 DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
 
@@ -44,7 +45,7 @@ def _damage_refused(folder: Path) -> Iterator[None]:
         yield
     except DAMAGE as error:
         raise RefusedError(
-            "cube-unreadable",
+            Reason.CUBE_UNREADABLE,
             f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
             "`planetpose check` says what is wrong with it; publish it again.",
         ) from error
@@ -54,7 +55,7 @@ def _refuse(faults: Iterator[str]) -> None:
     fault = next(faults, None)
     if fault is not None:
         remedy = "Put the files themselves there; a product of another place is used by giving its own folder."
-        raise RefusedError("product-elsewhere", f"{fault}.", remedy)
+        raise RefusedError(Reason.PRODUCT_ELSEWHERE, f"{fault}.", remedy)
 
 
 def faults_of_place(folder: Path) -> Iterator[str]:

@@ -11,6 +11,7 @@ from catalog.camera import Camera, camera_from_dict
 from catalog.errors import RefusedError
 from catalog.plain_files import own_json
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 
 if TYPE_CHECKING:
@@ -93,7 +94,9 @@ def model_of(cube: "xr.Dataset") -> CubeModel:
         camera, target, pose = models_in(cube.attrs)
     except (KeyError, ValueError, TypeError) as error:
         fault = f"the dataset {cube.attrs.get('product', '')} is no cube of an image ({type(error).__name__}: {error})."
-        raise RefusedError("cube-without-model", fault, "Give what open_cube opens: cube.zarr of a product.") from error
+        raise RefusedError(
+            Reason.CUBE_WITHOUT_MODEL, fault, "Give what open_cube opens: cube.zarr of a product."
+        ) from error
     if "place_x" not in cube:
         return CubeModel(pose, camera, target)
     places = np.stack([cube[name].values.astype(np.float64) for name in ("place_x", "place_y")], axis=-1)

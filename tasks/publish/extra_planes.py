@@ -12,6 +12,7 @@ from catalog.camera import Camera, camera_from_dict
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 from catalog.times import now_utc
 from tasks.atomic import file_put_in_place, folder_put_in_place
@@ -46,7 +47,7 @@ def write_extra_planes(folder: Path, planes: Sequence[str] = tuple(ADDED_PLANES)
     and its checksums; return the path. Raises RefusedError when the folder holds no cube."""
     folder = Path(folder)
     if not (folder / CUBE).is_dir():
-        raise RefusedError("product-missing", f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
+        raise RefusedError(Reason.PRODUCT_MISSING, f"{folder} holds no {CUBE}.", "Give a product's folder, or a store.")
     with reading_product(folder), open_cube(folder / CUBE) as cube:
         dataset = extra_dataset(cube, planes)
     encoding: dict[str, dict[str, Any]] = {

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
 from catalog.plain_text import printable
+from catalog.reasons import Reason
 from catalog.safe_name import INDEX
 from tasks.atomic import file_put_in_place, locked
 from tasks.publish.cube import open_cube
@@ -129,5 +130,5 @@ def _writing(store: Path) -> Iterator[bool]:
 def _existing(store: Path) -> Path:
     store = Path(store)
     if not store.is_dir():
-        raise RefusedError("store-missing", f"there is no store {store}.", "Give the folder that products are in.")
+        raise RefusedError(Reason.STORE_MISSING, f"there is no store {store}.", "Give the folder that products are in.")
     return store

@@ -14,13 +14,14 @@ from typing import Any
 from catalog.errors import RefusedError
 from catalog.plain_files import own_json
 from catalog.plain_text import shown_path
+from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
 from tasks.atomic import file_put_in_place
 from tasks.publish.checksums import CHECKSUMS
 from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.record import RECORD_FILE, read_record, record_in, write_record
 
-OTHER_IMAGE = "product-of-another-image"
+OTHER_IMAGE = Reason.PRODUCT_OF_ANOTHER_IMAGE
 PARTS = (RECORD_FILE, RESULT, CUBE, CHECKSUMS, SETTINGS, OVERLAY)
 MOST_PATHS = 16
 DAMAGE = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
@@ -74,7 +75,7 @@ def refuse_taken(folder: Path, image: Path, sha256: str) -> None:
         return
     if not folder.is_dir() or not _is_product_or_empty(folder):
         fault = f"{folder} is there and is no product, and the product of {image} would take its place."
-        raise RefusedError("product-place-taken", fault, REMEDY.partition(";")[0] + ".")
+        raise RefusedError(Reason.PRODUCT_PLACE_TAKEN, fault, REMEDY.partition(";")[0] + ".")
     refuse_other_image(origin_of(folder), str(folder), image, sha256)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Quality
-from tasks.project.planes import KNOWN_PLANES, PLANES, POINT, SUNLIT, Planes, project_planes
+from tasks.project.backplanes import KNOWN_PLANES, PLANES, POINT, SUNLIT, Backplanes
+from tasks.project.planes import project_planes
 from tasks.project.uncertainty import NEEDED, coordinate_sigmas
 from tasks.publish.publication import Publication
 from tasks.publish.sensor import pixel_sizes, sampled_at_places, sensor_planes, sensor_quality
@@ -33,7 +34,7 @@ def cube_arrays(publication: Publication) -> dict[str, NDArray[Any]]:
     return arrays | _sensor_arrays(p)
 
 
-def _seen(p: Publication) -> tuple[Planes, NDArray[np.uint16], float]:
+def _seen(p: Publication) -> tuple[Backplanes, NDArray[np.uint16], float]:
     """What the cube's pixels see, their flags, and the PSF's sigma in such pixels."""
     if p.sensor is None:
         shadows = () if p.target.shape is None else (SUNLIT,)
@@ -61,7 +62,7 @@ def _sensor_arrays(p: Publication) -> dict[str, NDArray[Any]]:
     return {"place_x": place_x, "place_y": place_y, "resampled_image": p.observation.image.astype(np.float32)}
 
 
-def quality_flags(observed: NDArray[np.uint16], planes: Planes, psf_sigma_px: float) -> NDArray[np.uint16]:
+def quality_flags(observed: NDArray[np.uint16], planes: Backplanes, psf_sigma_px: float) -> NDArray[np.uint16]:
     """The observation's flags (ny, nx) with OFF_BODY, NIGHT_SIDE, and LIMB within one pixel and twice the PSF's sigma
     of the edge, on both its sides: there pixels mix body and sky."""
     import cv2
@@ -76,7 +77,7 @@ def quality_flags(observed: NDArray[np.uint16], planes: Planes, psf_sigma_px: fl
     return quality
 
 
-def _sigmas(p: Publication, planes: Planes, place_px: NDArray[np.float32]) -> NDArray[np.float32]:
+def _sigmas(p: Publication, planes: Backplanes, place_px: NDArray[np.float32]) -> NDArray[np.float32]:
     """1-sigma of latitude and longitude (2, ny, nx) from pose and distortion; NaN off the body, everywhere when nothing
     is known of the pose. What is unknown of the distortion counts as 0."""
     on_body = planes.on_body

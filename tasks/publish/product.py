@@ -8,6 +8,7 @@ from catalog.camera import camera_from_dict
 from catalog.errors import RefusedError
 from catalog.plain_files import own_json
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
 from tasks.publish.checksums import refresh_checksum, write_checksums
@@ -70,10 +71,10 @@ def no_cube_in(folder: Path) -> RefusedError:
     products = sorted(cube.parent.name for cube in Path(folder).glob(f"[!.]*/{CUBE}"))
     if not products:
         remedy = "Give a product folder, as written by `planetpose correct`."
-        return RefusedError("product-missing", f"{folder} holds no {CUBE}.", remedy)
+        return RefusedError(Reason.PRODUCT_MISSING, f"{folder} holds no {CUBE}.", remedy)
     named = ", ".join(products[:SHOWN_PRODUCTS]) + (" ..." if len(products) > SHOWN_PRODUCTS else "")
     fault = f"{folder} holds no {CUBE}: it is a store, with the products {named} ({len(products)} in all)."
-    return RefusedError("product-missing", fault, f"Give one of them: {Path(folder) / products[0]}.")
+    return RefusedError(Reason.PRODUCT_MISSING, fault, f"Give one of them: {Path(folder) / products[0]}.")
 
 
 def _result_of(folder: Path) -> dict[str, Any]:
@@ -84,7 +85,7 @@ def _result_of(folder: Path) -> dict[str, Any]:
     except ValueError as error:
         fault = f"{path} cannot be read ({error})."
         raise RefusedError(
-            "product-unreadable", fault, "Look at `planetpose check`, and correct the image anew."
+            Reason.PRODUCT_UNREADABLE, fault, "Look at `planetpose check`, and correct the image anew."
         ) from error
 
 

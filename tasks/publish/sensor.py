@@ -7,18 +7,18 @@ from catalog.camera import Camera
 from catalog.observation import Quality
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.project.backplanes import KNOWN_PLANES, Backplanes
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import KNOWN_PLANES, Planes
 from tasks.publish.publication import SensorFrame
 
 
-def sensor_planes(pose: Pose, camera: Camera, target: Target, sensor: SensorFrame) -> Planes:
+def sensor_planes(pose: Pose, camera: Camera, target: Target, sensor: SensorFrame) -> Backplanes:
     """All planes for the centres of the raw pixels (ny, nx); `window` is that of the raw frame. The resolution is that
     of a raw pixel, whose size in undistorted pixels is not 1. Raises RefusedError as `project_pixels`."""
     ny, nx = sensor.observation.image.shape
     planes = project_pixels(pose, camera, target, sensor.xy_px, KNOWN_PLANES)
     planes["resolution_km"] *= pixel_sizes(sensor.xy_px)
-    return Planes((0, 0, nx, ny), planes)
+    return Backplanes((0, 0, nx, ny), planes)
 
 
 def pixel_sizes(xy_px: NDArray[np.float64]) -> NDArray[np.float64]:

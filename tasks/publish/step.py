@@ -42,7 +42,7 @@ LIBRARIES = (
 
 class PublishInputs(Content):
     """What the product depends on. scene: its target is the one that planes are projected on. steps: keys of the steps
-    that led to the pose, in the order of doing. verdict: status and reason, as the product states them. judgement:
+    that led to the pose, in the order of doing. verdict: status and reason, as the product states them. verdict_code:
     version of the code that puts the steps in order and judges them."""
 
     scene: SceneInputs
@@ -51,7 +51,7 @@ class PublishInputs(Content):
     predicted: PoseField
     steps: dict[str, str]
     verdict: PlainJson
-    judgement: str
+    verdict_code: str
     profile: PlainJson
     profile_origin: PlainJson | None
     guidance: PlainJson
@@ -103,7 +103,7 @@ def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult
     """The product: every pixel projected, cube, result and provenance written into the store (see `write_product`)."""
     found, camera = found_in(files), inputs.scene.camera
     resumed = {"start": found.start.model_dump(mode="json")} if found.start else {}
-    stated = calibrated(resumed | {name: result.told() for name, result in found.corrections.items()})
+    stated = calibrated(resumed | {name: result.to_dict() for name, result in found.corrections.items()})
     corrected = summary(inputs.predicted, inputs.pose, camera, stated)
     publication = Publication(
         product=inputs.product,
@@ -179,7 +179,7 @@ def provenance(inputs: PublishInputs, found: Found) -> Json:
         "profile_origin": inputs.profile_origin,
         "guidance": dict(inputs.guidance),
         "start": records["start"].inputs if "start" in records else None,
-        "corrections": {name: result.told() for name, result in found.corrections.items()},
+        "corrections": {name: result.to_dict() for name, result in found.corrections.items()},
         "limb": found.validate.limb.model_dump(mode="json"),
         "sun": asdict(found.validate.sun),
         "steps": {
@@ -210,6 +210,6 @@ STEP = StepType(
     "publish",
     run,
     PublishResult,
-    told_as={"scene.target": "shape", "judgement": "code of the verdict"},
+    labels={"scene.target": "shape", "verdict_code": "code of the verdict"},
     check_place=refuse_other,
 )

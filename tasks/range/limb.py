@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.limb_edges import LimbSettings, measure_limb
 from tasks.compare.limb_errors import relief_covariance
 from tasks.compare.limb_fit import LimbFit, fit_limb
@@ -76,7 +77,7 @@ def find_range_by_limb(
             progress("range", iteration, f"factor {factor:.5f}, moved {moved:.3f} px")
         if abs(factor - 1) > settings.limit:
             raise FailedError(
-                "range-out-of-bounds",
+                Reason.RANGE_OUT_OF_BOUNDS,
                 f"the limb asks for a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
                 "Check range, Sun direction and the target's radii, or raise the profile's range.limb.limit.",
             )
@@ -91,7 +92,7 @@ def find_range_by_limb(
             fit = replace(fit, covariance=fit.covariance + np.diag(scatter**2))
             return _correction(pose, back, scene, fit, history, settings)
     raise FailedError(
-        "did-not-converge",
+        Reason.DID_NOT_CONVERGE,
         f"range and pointing by the limb did not settle in {settings.max_iterations} iterations; "
         f"growths were {', '.join(f'{step[2]:.5f}' for step in history)}.",
         "Check range and Sun direction: where they are far off, the lit limb is not where it is looked for.",

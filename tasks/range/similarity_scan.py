@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.brightness import brightness_columns, fit_brightness, robust_least_squares
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
@@ -137,7 +138,7 @@ def scan(match: Match, settings: ScanSettings) -> tuple[list[Trial], bool]:
         low_side = best == 0
         if abs((low if low_side else high) - 1) >= settings.limit - 1e-9:
             raise NoMaximumError(
-                "range-out-of-bounds",
+                Reason.RANGE_OUT_OF_BOUNDS,
                 f"the similarity still grows at range factor {trials[best].factor:.4f}, the limit of the scan.",
                 "Check the range and the target's radii, or widen the profile's range.limit.",
             )
@@ -214,7 +215,7 @@ def refine(
         middle += -1 if left.similarity > right.similarity else 1
     else:
         raise NoMaximumError(
-            "range-unsettled",
+            Reason.RANGE_UNSETTLED,
             f"the similarity has no clear maximum near its best scanned factor {start.factor:.4f}.",
             "Check Sun direction and base map, or take the range from the limb (range.method of the profile).",
         )

@@ -76,7 +76,7 @@ def heading_and_caption(kind: str, stem: str) -> tuple[str, str]:
 def distributions(index: "pd.DataFrame", folder: Path) -> list[dict[str, Any]]:
     """Draw the figures of all images together."""
     from tasks.pictures.canvas import DRAWING
-    from tasks.pictures.store_figures import QUANTITIES, distribution_figure, told
+    from tasks.pictures.store_figures import QUANTITIES, distribution_figure, spread_by_camera
 
     readable = index[index["status"] != UNREADABLE]
     made = []
@@ -87,7 +87,7 @@ def distributions(index: "pd.DataFrame", folder: Path) -> list[dict[str, Any]]:
                 continue
             path = folder / f"{quantity.name}.png"
             figure.savefig(path, format="png")
-        rows = told(readable, quantity)
+        rows = spread_by_camera(readable, quantity)
         made.append(
             {
                 "file": f"{FIGURES}/{path.name}",

@@ -111,8 +111,8 @@ def find_roll(
         return Correction("roll", pose, nothing, nothing, {"reduction": n, "scan": best_angles, "left": reason})
     trials = {kind: tried(kind, pose, small, scene, settings, scan, progress) for kind in kinds}
     best = max(trials.values(), key=lambda trial: trial.correlation)
-    told = len(kinds) == 1 or explains_more(best.correlation, min(t.correlation for t in trials.values()), settings)
-    if not told:
+    decided = len(kinds) == 1 or explains_more(best.correlation, min(t.correlation for t in trials.values()), settings)
+    if not decided:
         best = trials[CAMERA]
     evidence: dict[str, Any] = {
         "reduction": n,
@@ -120,7 +120,7 @@ def find_roll(
         "scan": None if scan is None else {kind: scan.best(kind) for kind in kinds},
         "scan_contrast": None if scan is None else scan.contrast(best.kind),
         "assigned_to": best.kind,
-        "told_by": "image" if told and len(kinds) == 2 else "setting",
+        "told_by": "image" if decided and len(kinds) == 2 else "setting",
         "trials": {kind: trial.to_dict() for kind, trial in trials.items()},
         "correlation_before": before,
         "correlation_after": best.correlation,

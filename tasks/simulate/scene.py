@@ -94,6 +94,14 @@ class Scene:
         diameter = 2 * disk_radius_px(pose, self.camera, self.target)
         return int(np.clip(np.ceil(600 / max(diameter, 1.0)), 2, 8))
 
+    @property
+    def map_frame_deg(self) -> float:
+        """1-sigma about each of the body's axes of how the base map lies in the frame of its coordinates, degrees; 0
+        for a map without markings."""
+        if np.ptp(self.basemap.albedo) == 0:
+            return 0.0
+        return self.target.expected_map_frame_deg(self.basemap.albedo.shape[0])
+
     def coarser(self, pose: Pose, across: float) -> "Scene":
         """The same with no more sub-pixels than make the disk `across` of them wide."""
         diameter = 2 * disk_radius_px(pose, self.camera, self.target)

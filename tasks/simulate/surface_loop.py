@@ -6,23 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compiled import compiled
+from tasks.geometry.bilinear import bilinear_at
 
 Image = NDArray[np.float32]
-
-
-@compiled
-def bilinear(albedo: Image, left_edge_deg: float, latitude_deg: float, longitude_deg: float) -> float:
-    """As `BaseMap.sample`, at one place."""
-    rows, columns = albedo.shape
-    x = ((longitude_deg - left_edge_deg) % 360.0) * (columns / 360.0) - 0.5
-    y = min(max((90.0 - latitude_deg) * (rows / 180.0) - 0.5, 0.0), rows - 1.0)
-    left, top = math.floor(x), math.floor(y)
-    fx, fy = x - left, y - top
-    right, below = (left + 1) % columns, min(top + 1, rows - 1)
-    left = left % columns
-    upper = albedo[top, left] * (1 - fx) + albedo[top, right] * fx
-    lower = albedo[below, left] * (1 - fx) + albedo[below, right] * fx
-    return upper * (1 - fy) + lower * fy
 
 
 @compiled
@@ -55,5 +41,5 @@ def sampled_surface(
             mu0[row, column] = max((u * sun[0] + v * sun[1] + w * sun[2]) * n, 0.0)
             mu[row, column] = max((u * p + v * q + w * r) * n * d, 0.0)
             latitude, longitude = math.atan2(z, math.sqrt(x * x + y * y)), math.atan2(y, x)
-            value[row, column] = bilinear(albedo, left_edge_deg, math.degrees(latitude), math.degrees(longitude))
+            value[row, column] = bilinear_at(albedo, left_edge_deg, math.degrees(latitude), math.degrees(longitude))
     return hit, mu0, mu, value

@@ -6,6 +6,7 @@ from typing import Any
 from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.observation import Observation
+from catalog.reasons import Reason
 from tasks.undistort.bending import bending_field
 from tasks.undistort.choose import SeenMarks, chosen_model, table_of
 from tasks.undistort.mark_fill import filled
@@ -50,8 +51,8 @@ def undistort(
 
 def seen_marks(observation: Observation, camera: Camera) -> tuple[SeenMarks | None, Observation]:
     """The marks of a raw frame with the bending of its beam, and the frame with the marks filled; None and the frame
-    itself for a camera without marks, or a product that has none any more."""
-    table = table_of(camera)
+    itself for a camera without marks, a summed frame (its marks are too small), or a product that has none any more."""
+    table = table_of(camera) if camera.unsummed is None else None
     if table is None:
         return None, observation
     marks = find_marks(observation, table)
@@ -65,7 +66,7 @@ def _refuse_other_size(observation: Observation, size_px: tuple[int, int], camer
     rows, columns = observation.image.shape
     if (columns, rows) != tuple(size_px):
         raise RefusedError(
-            "frame-size",
+            Reason.FRAME_SIZE,
             f"the image has {columns}x{rows} pixels, the {frame} frame of {camera.name} {size_px[0]}x{size_px[1]}.",
             "Give the right --camera, or a camera file with this size.",
         )

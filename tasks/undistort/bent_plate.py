@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from catalog.robust import huber_weight, sigma_about_zero
 from tasks.undistort.bending import USUAL_PX_PER_DN, USUAL_SPREAD_PX_PER_DN, BendingField
 from tasks.undistort.mark_set import FitReport, MarkSet
 from tasks.undistort.model import PointMap, Points, solve_points
@@ -82,7 +83,7 @@ def fit_bent_plate(
     px_per_dn, spread = with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
     unbent = marks.object_xy - px_per_dn * field(marks.raw_xy)
     surface = SmoothSurface(
-        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
+        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, assessed=marks.found
     )
     plate = plate_of_surface(marks, surface, degree)
     absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), marks.sigma_px, marks.raw_size_px, degree, smoothing)
@@ -111,8 +112,7 @@ def coefficient(errors: Array, pulls: Array) -> tuple[float, float]:
             return 0.0, float("inf")
         k = float((weight * errors * pulls).sum()) / norm
         rest = errors - k * pulls
-        limit = ROBUST_LIMIT * 1.4826 * float(np.median(np.abs(rest)))
-        weight = limit / np.maximum(np.abs(rest), max(limit, 1e-12))
+        weight = huber_weight(np.abs(rest), ROBUST_LIMIT * sigma_about_zero(rest))
     alike = max(float(np.average(rest**2, weights=weight)), 1.0) / norm
     apart = float(((weight * pulls * rest) ** 2).sum()) / norm**2
     return k, float(np.sqrt(max(alike, apart)))

@@ -7,6 +7,7 @@ from typing import Any
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.reseau import ReseauTable, find_reseau_table
 from catalog.reseau.archive import is_archive_table, read_archive_marks
 from tasks.undistort.bending import BendingField
@@ -17,6 +18,7 @@ from tasks.undistort.model import DistortionModel
 from tasks.undistort.optics import OPTICS_NAMES, optics_model
 from tasks.undistort.reseau_marks import ENOUGH_MARKS, ReseauMarks
 from tasks.undistort.settings import UndistortSettings
+from tasks.undistort.summed import SummedModel
 from tasks.undistort.turned import TurnedModel
 
 RESEAU = "reseau"
@@ -43,6 +45,9 @@ def chosen_model(
     seen: what was measured in the frame; without it the camera's nominal table is used. Raises RefusedError when the
     camera lacks what the method needs, or the marks do not carry the method.
     """
+    if camera.unsummed is not None:
+        whole, evidence = chosen_model(camera.unsummed, settings)
+        return SummedModel(whole, camera.summing, camera.detector_size_px, camera.size_px), evidence
     method = chosen_method(camera, settings, seen)
     model: DistortionModel
     if method in OPTICS_NAMES:
@@ -65,13 +70,13 @@ def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks |
         method = best_method(camera, settings, seen)
     if method in METHODS and camera.distortion.model != RESEAU:
         raise RefusedError(
-            "distortion-without-marks",
+            Reason.DISTORTION_WITHOUT_MARKS,
             f"camera {camera.name} has no reseau marks, which the method {method} is fitted to.",
             f"Use one of {', '.join(OPTICS_NAMES)}, or name a reseau table in the camera file.",
         )
     if method not in (*METHODS, *OPTICS_NAMES):
         raise RefusedError(
-            "distortion-unknown",
+            Reason.DISTORTION_UNKNOWN,
             f"camera {camera.name} names the distortion model {method!r}.",
             f"Known are {', '.join(OPTICS_NAMES)} and {RESEAU}.",
         )
@@ -120,7 +125,7 @@ def _fitted(
         return model, {**evidence, "marks": "found", **_quality(model)}
     if settings.marks == "found":
         raise RefusedError(
-            "marks-not-found",
+            Reason.MARKS_NOT_FOUND,
             f"only {0 if seen is None else seen.count} reseau marks were found, {ENOUGH_MARKS} are needed.",
             "Use marks = auto or nominal; cleaned and corrected products have no marks any more.",
         )
@@ -165,7 +170,7 @@ def _parameters(camera: Camera, method: str) -> dict[str, Any]:
 def _given(camera: Camera, key: str) -> Any:
     if key not in camera.distortion.parameters:
         raise RefusedError(
-            "distortion-incomplete",
+            Reason.DISTORTION_INCOMPLETE,
             f"camera {camera.name}: its distortion lacks {key}.",
             f"Add {key} to the camera file's [distortion] section.",
         )

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.error_map import ErrorMap, error_map_of
 from tasks.undistort.mark_set import FitReport, MarkSet
 from tasks.undistort.model import Points
@@ -38,7 +39,7 @@ class DelaunayModel:
         raw, known = marks.raw_xy[used], marks.object_xy[used]
         if len(known) < terms_of_degree(RING_DEGREE):
             raise RefusedError(
-                "marks-too-few",
+                Reason.MARKS_TOO_FEW,
                 f"{len(known)} reseau marks are too few for the Delaunay method.",
                 f"It needs {terms_of_degree(RING_DEGREE)}; use the nominal table (marks = nominal).",
             )

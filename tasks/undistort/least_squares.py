@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 
 WORST_CONDITION = 1e10
 FULL_LEVERAGE = 1.0 - 1e-9
@@ -32,7 +33,7 @@ def weighted_fit(design: Array, values: Array, sigma: Array, what: str) -> Fit:
     rows, terms = design.shape
     if rows <= terms:
         raise RefusedError(
-            "degree-too-high",
+            Reason.DEGREE_TOO_HIGH,
             f"{what} has {terms} coefficients, but there are only {rows} marks.",
             "Lower the degree or use more marks.",
         )
@@ -41,7 +42,7 @@ def weighted_fit(design: Array, values: Array, sigma: Array, what: str) -> Fit:
     condition = float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
     if condition > WORST_CONDITION:
         raise RefusedError(
-            "degree-too-high",
+            Reason.DEGREE_TOO_HIGH,
             f"{what} cannot be told from the marks: its system has the condition number {condition:.1e}.",
             "Lower the degree, or use marks that cover the frame.",
         )

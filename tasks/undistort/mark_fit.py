@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation, Quality
+from catalog.robust import MAD_TO_SIGMA, huber_weight
 
 WINDOW_PX = 6  # half width of the fitted window
 SPOT_SIGMA_PX = 1.23  # measured on stacked marks of four frames: 1.20-1.36, power 2.4-3.0
@@ -59,7 +60,7 @@ def fit_marks(observation: Observation, start_xy: Array) -> MarkFit:
         background = background + step[:, 3:]
         if np.abs(move).max(initial=0) < SETTLED_PX:
             break
-    return windows.judged(offset, depth, background)
+    return windows.assessed(offset, depth, background)
 
 
 def _normal(jacobian: Array, weight: Array) -> Array:
@@ -76,9 +77,10 @@ def _huber(residual: Array, weight: Array) -> Array:
     pull = np.abs(residual) * np.sqrt(weight)
     unseen = (weight <= 0).sum(axis=1)  # their zeros come first when sorted: skip them on the way to the median
     middle = (unseen + pull.shape[1]) // 2
-    scale = 1.4826 * np.take_along_axis(np.sort(pull, axis=1), np.minimum(middle, pull.shape[1] - 1)[:, None], axis=1)
-    limit = HUBER * np.maximum(scale, 0.5)
-    return limit / np.maximum(pull, limit)
+    scale = MAD_TO_SIGMA * np.take_along_axis(
+        np.sort(pull, axis=1), np.minimum(middle, pull.shape[1] - 1)[:, None], axis=1
+    )
+    return np.asarray(huber_weight(pull, HUBER * np.maximum(scale, 0.5)))
 
 
 class _Windows:
@@ -119,7 +121,7 @@ class _Windows:
         )
         return self.pixels - light * shade, np.concatenate([spot_columns, self.terms * shade[..., None]], axis=-1)
 
-    def judged(self, offset: Array, depth: Array, background: Array) -> MarkFit:
+    def assessed(self, offset: Array, depth: Array, background: Array) -> MarkFit:
         residual, jacobian = self.linearised(offset, depth, background)
         weight = self.weight * _huber(residual, self.weight)
         freedom = np.maximum((self.weight > 0).sum(axis=1) - jacobian.shape[2], 1)

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.bending import BendingField
 from tasks.undistort.bent_plate import BentModel, fit_bent_plate
 from tasks.undistort.delaunay import DelaunayModel
@@ -42,7 +43,7 @@ def fit_model(
     if method in OF_A_FRAME:
         if bending is None:
             raise RefusedError(
-                "bending-without-frame",
+                Reason.BENDING_WITHOUT_FRAME,
                 "beam bending follows from the brightness of a frame and the marks found in it, and there is none.",
                 "Use the method thin-plate with a table of marks.",
             )
@@ -50,5 +51,7 @@ def fit_model(
             fit_bent_plate(marks, bending, **given) if method == BENDING else fit_warped_table(marks, bending, **given)
         )
     if method not in _WITH_DEGREE:
-        raise RefusedError("method-unknown", f"no distortion method is called {method!r}.", f"Use one of {METHODS}.")
+        raise RefusedError(
+            Reason.METHOD_UNKNOWN, f"no distortion method is called {method!r}.", f"Use one of {METHODS}."
+        )
     return _WITH_DEGREE[method](marks, **given)

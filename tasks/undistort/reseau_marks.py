@@ -21,7 +21,7 @@ LARGEST_SIGMA_PX = 0.35
 VISIBLE_FRACTION = 0.5
 CONTRAST_NEEDED = 3.0
 LARGEST_SURPRISE_PX = 2.0
-JUDGING_ROUNDS = 3
+ASSESSMENT_ROUNDS = 3
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def find_marks(observation: Observation, table: ReseauTable) -> ReseauMarks:
         return _nominal_only(observation, table)
     fit = fit_marks(observation, start)
     good = _looks_right(fit, size_px) & seen
-    for _ in range(JUDGING_ROUNDS):
+    for _ in range(ASSESSMENT_ROUNDS):
         if good.sum() < ENOUGH_MARKS:
             return _nominal_only(observation, table)
         expected, doubt_px = _expected(table, fit, good, size_px)

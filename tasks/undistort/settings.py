@@ -4,7 +4,10 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-OpticsMethod = Literal["none", "ssi-cubic", "ssi-quadratic", "radial-k1", "lorri-em"]
+OpticsMethod = Literal[
+    "none", "ssi-cubic", "ssi-quadratic", "radial-k1", "lorri-em", "radial-series", "radial-outward",
+    "radial-decentered", "radial-all-powers", "transverse", "rational", "radial-tangential", "legendre",
+]  # fmt: skip
 MarksMethod = Literal["radial", "polynomial", "delaunay", "thin-plate", "beam-bending"]
 Kernel = Literal["bilinear", "bicubic", "lanczos"]
 

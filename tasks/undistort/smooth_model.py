@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from tasks.undistort.mark_set import FitReport, MarkSet
 from tasks.undistort.model import PointMap, Points, solve_points
 
-MARGIN_PX = 30.0  # how far beyond the raw frame the function itself is believed; the corners of object space need 24
+MARGIN_PX = 30.0  # how far beyond the raw frame the function itself is used; the corners of object space need 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class SmoothModel:
     of one coordinate (n,).
 
     Beyond the raw frame by more than `MARGIN_PX` the best affine map carries on from the nearest place where the
-    function is believed: continuous, and tame however far away. The inverse is Newton's.
+    function is used: continuous, and tame however far away. The inverse is Newton's.
     """
 
     name: str
@@ -63,9 +63,9 @@ class SmoothModel:
 
     def _continued(self, raw: Points) -> Points:
         last = np.asarray(self.raw_size_px, dtype=np.float64) - 1.0
-        believed = np.clip(raw, -MARGIN_PX, last + MARGIN_PX)
+        within = np.clip(raw, -MARGIN_PX, last + MARGIN_PX)
         matrix, _ = self._affine
-        continued: Points = self.forward(believed) + (raw - believed) @ matrix.T
+        continued: Points = self.forward(within) + (raw - within) @ matrix.T
         return continued
 
     @cached_property

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.distance import cdist
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.polynomial_basis import legendre_matrix, terms_of_degree
 
 UNIT_PX = 80.0  # spacing of the marks; sets what `smoothing` means
@@ -33,17 +34,17 @@ class SmoothSurface:
         size_px: tuple[int, int],
         degree: int,
         smoothing: float = SMOOTHING,
-        judged: NDArray[np.bool_] | None = None,
+        assessed: NDArray[np.bool_] | None = None,
     ) -> None:
         """points (n, 2), values (n, k), sigma (n,): 1-sigma of the values; one of sigma `SIGMA_UNIT_PX` is smoothed by
-        `smoothing`. judged (n,): the points whose leave-one-out errors set the scale of the uncertainty (default all).
+        `smoothing`. assessed (n,): the points whose leave-one-out errors set the uncertainty's scale (default all).
 
         Raises RefusedError when there are not more points than the trend has terms.
         """
         terms = terms_of_degree(degree)
         if len(points) <= terms:
             raise RefusedError(
-                "degree-too-high",
+                Reason.DEGREE_TOO_HIGH,
                 f"{len(points)} marks cannot carry a trend of degree {degree} ({terms} terms).",
                 "Lower the degree or use more marks.",
             )
@@ -58,7 +59,7 @@ class SmoothSurface:
         self.leave_one_out: Array = self._weights[:count] / diagonal[:, None]
         self.residual: Array = self._weights[:count] * nugget[:, None]
         self.standardised: Array = self.leave_one_out * np.sqrt(np.abs(diagonal))[:, None]
-        chosen = np.ones(count, dtype=bool) if judged is None else judged
+        chosen = np.ones(count, dtype=bool) if assessed is None else assessed
         self._variance_scale = float((self.standardised[chosen] ** 2).mean())
 
     @cached_property

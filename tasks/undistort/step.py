@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from catalog.mask import masked, read_mask
-from catalog.observation import Observation
+from catalog.observation import Frame, Observation
 from tasks.fields import CameraField, Content, PlainJson
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.step import StepType
@@ -56,7 +56,7 @@ class UndistortResult(Content):
 def run(inputs: UndistortInputs, files: UndistortFiles, work: Work) -> UndistortResult:
     """The undistorted image (see `undistort`), which goes into the step's folder."""
     frame, camera, settings = frame_of(inputs.image, files), inputs.camera, inputs.settings
-    observation = with_plate_flagged(masked_by_user(files.mask, frame.observation))
+    observation = with_plate_flagged(masked_by_user(files.mask, frame))
     resampling = settings.model_copy(update={"space": "resampled"})
     undistorted = undistort(observation, camera, resampling, frame.undistorted)
     save_observation(work.folder, undistorted.observation)
@@ -81,9 +81,15 @@ def run(inputs: UndistortInputs, files: UndistortFiles, work: Work) -> Undistort
     return UndistortResult(model=undistorted.model.name, evidence=evidence)
 
 
-def masked_by_user(mask: Path | None, observation: Observation) -> Observation:
-    """The raw observation with the user's mask, if there is one, in its quality."""
-    return observation if mask is None else masked(observation, read_mask(mask), mask)
+def masked_by_user(mask: Path | None, frame: Frame) -> Observation:
+    """The raw observation with the user's mask, if there is one, in its quality. The mask has the file's size, or that
+    of the whole frame that a window was placed in."""
+    if mask is None:
+        return frame.observation
+    pixels, (ny, nx) = read_mask(mask), frame.observation.image.shape
+    if frame.mode.window is not None and pixels.shape == frame.mode.shape:
+        pixels = frame.mode.placed(pixels, (nx, ny), False)
+    return masked(frame.observation, pixels, mask)
 
 
 STEP = StepType(
@@ -92,5 +98,5 @@ STEP = StepType(
     UndistortResult,
     UndistortSettings,
     changes=frozenset({"image"}),
-    told_as={"mask": "mask", "reseau_tables": "catalog: reseau tables"},
+    labels={"mask": "mask", "reseau_tables": "catalog: reseau tables"},
 )

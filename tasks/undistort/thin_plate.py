@@ -18,7 +18,7 @@ def fit_thin_plate(marks: MarkSet, degree: int = DEFAULT_DEGREE, smoothing: floa
     spline what bends around bright areas (beam bending). Raises RefusedError when the degree is too high.
     """
     surface = SmoothSurface(
-        marks.raw_xy, marks.object_xy, marks.sigma_px, marks.raw_size_px, degree, smoothing, judged=marks.found
+        marks.raw_xy, marks.object_xy, marks.sigma_px, marks.raw_size_px, degree, smoothing, assessed=marks.found
     )
     return plate_of_surface(marks, surface, degree)
 

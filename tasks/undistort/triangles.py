@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.model import Points
 
 CANDIDATE_TRIANGLES = 24
@@ -17,7 +18,7 @@ def refuse_collinear(points: Points) -> None:
     spread = points - points.mean(axis=0)
     if len(points) < 3 or np.linalg.svd(spread, compute_uv=False)[1] < np.sqrt(len(points)) * COLLINEAR_PX:
         raise RefusedError(
-            "marks-collinear",
+            Reason.MARKS_COLLINEAR,
             f"the {len(points)} marks lie on one line, so they span no area.",
             "Give marks that surround the area to be undistorted.",
         )
@@ -46,7 +47,7 @@ class TriangleMap:
         if len(turned):
             place = self.source[self.corners[turned[0]]].mean(axis=0).round(1).tolist()
             raise RefusedError(
-                "marks-folded",
+                Reason.MARKS_FOLDED,
                 f"{len(turned)} triangles between marks turn over, the first near {place}: a mark is out of order.",
                 "Check the marks there, or leave the wrong one out.",
             )

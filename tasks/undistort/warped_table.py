@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from tasks.undistort.bending import BendingField
 from tasks.undistort.bent_plate import BentModel, coefficient, with_experience
 from tasks.undistort.mark_set import FitReport, MarkSet
@@ -41,7 +42,7 @@ def fit_warped_table(marks: MarkSet, field: BendingField, degree: int = WARP_DEG
     nominal_xy = marks.nominal_xy
     if nominal_xy is None:
         raise RefusedError(
-            "marks-without-table",
+            Reason.MARKS_WITHOUT_TABLE,
             "the method warped-table needs marks measured in a frame and the camera's table of the same marks.",
             "Use the method thin-plate.",
         )
@@ -81,7 +82,7 @@ def _warp(marks: MarkSet, table: _Table, field: BendingField, degree: int, smoot
         k, spread = with_experience(*coefficient(errors.ravel(), pulls.ravel()), field.in_dn)
         size = np.linalg.norm(errors - k * pulls, axis=1)
         sigma[found] = marks.sigma_px[found] * np.maximum(size / (OUTLIER * np.median(size)), 1.0)
-    warp = SmoothSurface(marks.raw_xy, moved + k * pull, sigma, size_px, degree, smoothing, judged=found)
+    warp = SmoothSurface(marks.raw_xy, moved + k * pull, sigma, size_px, degree, smoothing, assessed=found)
     slope = table.slope[found]
     report = FitReport(
         "warped-table",

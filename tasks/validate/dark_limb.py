@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
+from catalog.robust import MAD_TO_SIGMA
 from tasks.compare.match import framed_window
 from tasks.project.curves import limb
 from tasks.simulate import Scene
@@ -91,7 +93,7 @@ def radial_profile(outward: Array, values: Array, noise: Array) -> tuple[Array, 
     if counts.min() < FEWEST_IN_BIN:
         return None
     middle = medians(values, ring, counts)
-    scatter = 1.4826 * medians(np.abs(values - middle[ring]), ring, counts)
+    scatter = MAD_TO_SIGMA * medians(np.abs(values - middle[ring]), ring, counts)
     error = 1.25 * np.maximum(scatter, medians(noise, ring, counts)) / np.sqrt(counts)
     return middle, error
 
@@ -125,6 +127,6 @@ def doubt_of_dark_limb(found: DarkLimb) -> str | None:
     if not found.is_fault:
         return None
     return (
-        f"light-outside-the-limb: {found.outside} of {found.dark} sectors of the dark limb have their edge "
+        f"{Reason.LIGHT_OUTSIDE_THE_LIMB}: {found.outside} of {found.dark} sectors of the dark limb have their edge "
         f"{found.outside_px:.1f} px (median) outside the model's. Check range, Sun direction, orientation and target."
     )

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.attitude.markings import UNKNOWN_DEG, Markings, judged_markings, mismatch_of
+from tasks.attitude.markings import UNKNOWN_DEG, Markings, markings_at_pose, mismatch_of
 from tasks.attitude.symmetry import Symmetry, better_flip, doubt_of_symmetry
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
@@ -107,7 +107,7 @@ def orientation_of(observation: Observation, pose: Pose, scene: Scene, inputs: V
     found = inputs.orientation
     doubts = []
     if found is None:
-        markings = judged_markings(observation, pose, scene, prior_deg)
+        markings = markings_at_pose(observation, pose, scene, prior_deg)
         found = {**markings.to_dict(), "kept": None}
         if markings.verdict == "mismatched":
             doubts.append(mismatch_of(markings))
@@ -137,4 +137,4 @@ def similarity_before(observation: Observation, pose: Pose, scene: Scene, settin
     return similarity
 
 
-STEP = StepType("validate", run, ValidateResult, ValidateSettings, told_as={"scene.basemap": "base map"})
+STEP = StepType("validate", run, ValidateResult, ValidateSettings, labels={"scene.basemap": "base map"})

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.brightness import robust_least_squares
 from tasks.compare.match import MODEL_ERROR
 from tasks.compare.occulted import finer, light_behind
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
-from tasks.joint.moved import changes_of_place
+from tasks.joint.derivatives import changes_of_place
 from tasks.joint.surface import fine_surface
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate import Scene
@@ -117,7 +118,7 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     image, usable = window.crop(seen.image), window.crop(seen.usable, fill=False)
     usable = usable & np.isfinite(image)
     if not usable.any():
-        raise FailedError("no-usable-pixels", "no usable pixels lie under the simulated target.")
+        raise FailedError(Reason.NO_USABLE_PIXELS, "no usable pixels lie under the simulated target.")
     image = np.where(usable, image, 0).astype(np.float32)
     behind = light_behind(seen, trial, scene, window)
     bright = max(float(np.percentile(image[usable], 95)), 1e-6)

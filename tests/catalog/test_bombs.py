@@ -1,5 +1,6 @@
 """Small files that claim, or unfold to, enormous ones: refused at once, and in little memory."""
 
+import bz2
 import gzip
 import io
 import struct
@@ -83,15 +84,77 @@ def imq(*records: bytes) -> bytes:
     return b"".join(struct.pack("<H", len(r)) + r + bytes(len(r) % 2) for r in (first, *records))
 
 
+def npy(kind: str, shape: str) -> bytes:
+    text = f"{{'descr': {kind}, 'fortran_order': False, 'shape': {shape}, }}".encode()
+    return b"\x93NUMPY\1\0" + len(text).to_bytes(2, "little") + text + bytes(5000)
+
+
+def cube(samples: int = 40, lines: int = 30, bands: int = 1, tile: int = 0, start: int = 2001) -> bytes:
+    tiles = f"Format = Tile TileSamples = {tile} TileLines = {tile}" if tile else "Format = BandSequential"
+    label = f"""Object = IsisCube
+      Object = Core
+        StartByte = {start}
+        {tiles.replace(" Tile", chr(10) + "Tile")}
+        Group = Dimensions
+          Samples = {samples}
+          Lines = {lines}
+          Bands = {bands}
+        End_Group
+        Group = Pixels
+          Type = UnsignedByte
+        End_Group
+      End_Object
+    End_Object
+    End"""
+    return label.encode().ljust(2000, b"\0") + bytes(1200)
+
+
+def array_of(name: str, side: int) -> bytes:
+    axes = "".join(
+        f"<Axis_Array><axis_name>{axis}</axis_name><elements>{side}</elements><sequence_number>{number}</sequence_number>"
+        "</Axis_Array>"
+        for number, axis in enumerate(("Line", "Sample"), 1)
+    )
+    kind = "<Element_Array><data_type>UnsignedByte</data_type></Element_Array>"
+    array = f"<Array_2D_Image><offset>0</offset><axes>2</axes>{kind}{axes}</Array_2D_Image>"
+    return (
+        f"<File_Area_Observational><File><file_name>{name}</file_name></File>{array}</File_Area_Observational>".encode()
+    )
+
+
+def xml(before: bytes, inside: bytes = b"") -> bytes:
+    start = b"<?xml version='1.0'?>" + before
+    return (
+        start
+        + b"<Product_Observational xmlns='http://pds.nasa.gov/pds4/pds/v1'>"
+        + inside
+        + b"</Product_Observational>"
+    )
+
+
 BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
-    "gzipped.fits": (lambda: gzip.compress(image_header(5000, 5000) + bytes(25_000_000)), "image-format-unknown"),
+    "gzipped.fits": (lambda: gzip.compress(image_header(7500, 7500) + bytes(60_000_000)), "image-too-large"),
+    "bzipped.fits": (lambda: bz2.compress(image_header(7500, 7500) + bytes(60_000_000)), "image-too-large"),
+    "twice.fits.gz": (lambda: gzip.compress(gzip.compress(bytes(1000))), "image-format-unknown"),
+    "shape.npy": (lambda: npy("'<f8'", "(1000000000, 1000000000)"), "image-too-large"),
+    "planes.npy": (lambda: npy("'<f8'", "(1000000000, 9, 9)"), "image-unreadable"),
+    "header.npy": (lambda: b"\x93NUMPY\2\0\xff\xff\xff\xff" + b"(" * 50_000, "image-unreadable"),
+    "nested.npy": (lambda: npy("'<f8'", "(" * 4000), "image-unreadable"),
+    "objects.npy": (lambda: npy("'O'", "(3, 4)"), "image-unreadable"),
+    "side.cub": (lambda: cube(samples=10**9, lines=10**9), "image-too-large"),
+    "bands.cub": (lambda: cube(bands=10**9), "image-unreadable"),
+    "tiles.cub": (lambda: cube(tile=10**9), "image-unreadable"),
+    "offset.cub": (lambda: cube(start=10**15), "image-unreadable"),
+    "entities.xml": (lambda: xml(b"<!DOCTYPE a [<!ENTITY b 'cc'>]>"), "image-unreadable"),
+    "elements.xml": (lambda: xml(b"", b"<a>" * 30_000 + b"</a>" * 30_000), "image-unreadable"),
+    "size.xml": (lambda: xml(b"", array_of("bomb.img", 10**9)), "image-missing|image-too-large"),
     "axes.fits": (lambda: image_header(*[2**31 - 1] * 50), "image-unreadable|image-not-2d"),
     "wide.fits": (lambda: image_header(2**31 - 1, 2**31 - 1), "image-too-large|image-unreadable"),
     "parameters.fits": (lambda: image_header() + extension(30, 40, parameters=10**15), "image-unreadable"),
     "extensions.fits": (lambda: image_header() + extension() * 20_000, "image-unreadable"),
-    "compressed.fits": (compressed_fits, "image-compressed"),
     "tile.fits": (
-        lambda: compressed_fits().replace(card("ZNAXIS1", 100)[:30], card("ZNAXIS1", 10**9)[:30]), "image-compressed"
+        lambda: compressed_fits().replace(card("ZNAXIS1", 100)[:30], card("ZNAXIS1", 10**9)[:30]),
+        "image-too-large",
     ),
     "text.png": (lambda: png(chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(70_000_000)))), "image-unreadable"),
     "profile.png": (lambda: png(chunk(b"iCCP", b"a\0\0" + zlib.compress(bytes(70_000_000)))), "image-unreadable"),

@@ -11,8 +11,26 @@ from catalog.errors import RefusedError
 PAPER_CAMERAS = ("voyager1-nac", "voyager1-wac", "voyager2-nac", "voyager2-wac", "galileo-ssi", "newhorizons-lorri")
 
 
-def test_the_papers_six_cameras_and_cassini_are_in_the_catalog() -> None:
-    assert set(known_cameras()) == {*PAPER_CAMERAS, "cassini-nac"}
+def test_the_papers_six_cameras_and_those_of_other_missions_are_in_the_catalog() -> None:
+    assert set(known_cameras()) >= {*PAPER_CAMERAS, "cassini-nac", "cassini-wac", "dawn-fc2", "messenger-mdis-nac"}
+    assert len(known_cameras()) >= 37
+
+
+@pytest.mark.parametrize("name", sorted(n for n, c in known_cameras().items() if c.distortion.model != "reseau"))
+def test_rays_of_a_cameras_detector_lead_back_to_its_pixels(name: str) -> None:
+    camera = find_camera(name)
+    pixels = np.random.default_rng(1).uniform(0, 1, (60, 2)) * (np.array(camera.detector_size_px) - 1)
+    there = camera.project(camera.detector_ray(pixels))
+    np.testing.assert_allclose(camera.detector_pixel(camera.detector_ray(pixels)), pixels, atol=1e-6)
+    middle = np.abs(pixels / np.array(camera.detector_size_px) - 0.5).max(axis=1) < 0.2
+    size = np.array(camera.size_px)
+    assert ((there[middle] > 0) & (there[middle] < size)).all()
+
+
+@pytest.mark.parametrize("name", sorted(set(known_cameras()) - {*PAPER_CAMERAS, "cassini-nac"}))
+def test_a_camera_says_how_far_it_was_tried(name: str) -> None:
+    assert find_camera(name).tried.endswith(".")
+    assert find_camera(name).focal_plane is not None
 
 
 @pytest.mark.parametrize("name", sorted(known_cameras()))

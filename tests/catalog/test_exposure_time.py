@@ -113,7 +113,7 @@ def test_words_for_the_unknown_say_nothing(word: str) -> None:
 def test_start_middle_and_end_are_told_apart(header: dict[str, Any], middle: float) -> None:
     found = fits_exposure_time(header, {})
     assert found.et == pytest.approx(et_from_utc(WHEN) + middle, abs=2e-3)
-    assert found.told == ()
+    assert found.contradictions == ()
 
 
 def test_the_comment_of_date_obs_says_what_it_is_of() -> None:
@@ -221,7 +221,7 @@ def test_a_time_is_one_of_those_stated_and_every_other_one_is_told(
         return
     apart = [abs((c.et or 0.0) - found.et) for c in claims if c.et is not None]
     assert min(apart) <= 7200
-    told = " ".join(found.told)
+    told = " ".join(found.contradictions)
     assert all(f"says {c} " in told.replace(",", " ").replace(":", ":") or a <= 7300
                for c, a in zip([c for c in claims if c.et is not None], apart, strict=True))  # fmt: skip
 

@@ -79,8 +79,8 @@ def test_filling_in_a_noisy_image_is_found_whole_and_nothing_else(
     image[mask] = 0
     found = filled(image)
     assert np.array_equal(found.mask, mask)
-    assert f"{mask.sum()} pixels" in found.told[0]
-    assert "the value 0" in found.told[0]
+    assert f"{mask.sum()} pixels" in found.sentences[0]
+    assert "the value 0" in found.sentences[0]
 
 
 @pytest.mark.parametrize("value", [-32768.0, 7.25, 1e6])
@@ -163,3 +163,17 @@ def test_in_every_format_the_quality_plane_says_so_and_the_user_is_told(
     frame = read_frame(save(tmp_path / "a", image))
     assert np.array_equal(frame.observation.quality == Quality.MISSING, LOST["lines in the disk"])
     assert any("3000 pixels" in sentence for sentence in frame.warnings)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("outside", [0.0, 255.0])
+@pytest.mark.parametrize("part", [(slice(0, 90), slice(0, 120)), (slice(40, N), ALL), (slice(30, 150), slice(20, 160))])
+def test_what_lies_outside_a_window_of_a_noisy_image_is_filling(
+    kind: Callable[[NDArray[Any]], NDArray[Any]], outside: float, part: tuple[slice, slice]
+) -> None:
+    """As crops lie in whole frames: an L or a border of one value, beside which the frame is noisy only in part."""
+    image = np.full((N, N), outside)
+    image[part] = disk(12.0, 2.5)[part]
+    expected = np.ones((N, N), bool)
+    expected[part] = False
+    assert np.array_equal(filled(kind(image)).mask, expected)

@@ -8,8 +8,7 @@ import pytest
 
 from catalog.errors import RefusedError
 from catalog.kernel_text import read_text_kernel
-from catalog.spice import kernel_kind, kernel_pool, list_kernels, refuse_what_holds_no_kernel
-from flows.request import kernel_inputs
+from catalog.spice import kernel_inputs, kernel_kind, kernel_pool, list_kernels, refuse_what_holds_no_kernel
 
 PCK = "KPL/PCK\n\n\\begindata\nBODY999_RADII = ( 1 2 3 )\nBODY999_PM = ( 4.5D1, -6 )\n\\begintext\n"
 GOOD = {"BODY999_RADII": [1.0, 2.0, 3.0], "BODY999_PM": [45.0, -6.0]}

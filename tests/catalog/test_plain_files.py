@@ -14,10 +14,9 @@ from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.plain_files import MAX_DEPTH, parsed_json, parsed_toml, read_json_file
 from catalog.pose import read_pose_file
+from catalog.resumed import pose_to_resume
 from catalog.target import find_target
-from flows.guidance import pose_to_resume
-from flows.profile import find_profile
-from flows.request import Request
+from tasks.profile import find_profile
 
 DEEP = 100_000
 DEEP_JSON = ["[" * DEEP, "[" * DEEP + "]" * DEEP, '{"et": ' * DEEP + "1" + "}" * DEEP, '{"et": ' + "[" * DEEP]
@@ -33,7 +32,7 @@ DEEP_TOML = [
 
 
 def resume(path: str) -> Any:
-    return pose_to_resume(Request(image=Path("a.fits"), resume=Path(path)))
+    return pose_to_resume(Path(path), "a")
 
 
 READ: dict[str, list[Callable[[str], Any]]] = {

@@ -9,6 +9,7 @@ import pytest
 from astropy.io import fits
 from numpy.typing import NDArray
 from PIL import Image
+from small_vicar import vicar_file
 
 from catalog.camera import known_cameras
 from catalog.errors import RefusedError
@@ -24,23 +25,6 @@ FLIGHT_LABEL = (
     "  LAB02='VGR-2   FDS 20650.22   PICNO 0482J2-001   SCET 79.190 13:00:10         C'"
     "  LAB03='WA CAMERA  EXP 00480.0 MSEC  FILT 3(ORANGE)  LO GAIN  SCAN RATE  1:1   C'"
 )
-
-
-def vicar_file(path: Path, pixels: NDArray[Any], keywords: str = "", prefix: int = 0, header_lines: int = 0) -> Path:
-    """A VICAR file with line prefixes and binary header lines full of 0xEE."""
-    lines, samples = pixels.shape
-    record = prefix + samples * pixels.dtype.itemsize
-    kind = {"u1": "BYTE", "i2": "HALF", "i4": "FULL", "f4": "REAL"}[pixels.dtype.str[1:]]
-    order = "HIGH" if pixels.dtype.str[0] == ">" else "LOW"
-    body = (
-        f"FORMAT='{kind}'  TYPE='IMAGE'  BUFSIZ=20480  DIM=3  EOL=0  RECSIZE={record}  ORG='BSQ'  NL={lines}"
-        f"  NS={samples}  NB=1  N1={samples}  N2={lines}  N3=1  N4=0  NBB={prefix}  NLB={header_lines}"
-        f"  HOST='X'  INTFMT='{order}'  REALFMT='RIEEE' {keywords} "
-    ).encode()
-    label = b"LBLSIZE=%-16d" % 4096 + body
-    rows = b"".join(b"\xee" * prefix + row.tobytes() for row in pixels)
-    path.write_bytes(label.ljust(4096, b"\0") + b"\xee" * (header_lines * record) + rows)
-    return path
 
 
 def fits_file(path: Path, *planes: tuple[str, NDArray[Any]], **keywords: Any) -> Path:
@@ -242,22 +226,22 @@ def test_a_frame_that_has_not_the_size_of_another_camera_than_its_label_s_is_ref
 
 
 def test_a_frame_of_the_wrong_size_is_refused_with_both_sizes(tmp_path: Path) -> None:
-    path = vicar_file(tmp_path / "a.img", np.ones((400, 400), "u1"), "MISSION='GALILEO' SENSOR='SSI'")
-    with pytest.raises(RefusedError, match=r"400x400 pixels, camera galileo-ssi has 800x800") as refusal:
+    path = vicar_file(tmp_path / "a.img", np.ones((400, 410), "u1"), "MISSION='GALILEO' SENSOR='SSI'")
+    with pytest.raises(RefusedError, match=r"410x400 pixels, camera galileo-ssi has 800x800.*--window") as refusal:
         read_frame(path)
     assert refusal.value.code == "frame-size"
     own = tmp_path / "own.toml"
-    own.write_text('name = "own"\nsize_px = [400, 400]\ncentre_px = [199.5, 199.5]\nfocal_length_px = 50000.0\n')
-    assert read_frame(path, camera=str(own)).observation.image.shape == (400, 400)
+    own.write_text('name = "own"\nsize_px = [410, 400]\ncentre_px = [199.5, 199.5]\nfocal_length_px = 50000.0\n')
+    assert read_frame(path, camera=str(own)).observation.image.shape == (400, 410)
 
 
-def test_colour_cubes_and_archives_are_refused_with_a_remedy(tmp_path: Path) -> None:
-    Image.fromarray(np.zeros((9, 9, 3), np.uint8)).save(tmp_path / "rgb.png")
+def test_cubes_and_archives_are_refused_with_a_remedy(tmp_path: Path) -> None:
     fits_file(tmp_path / "cube.fits", ("", np.zeros((3, 9, 9), np.float32)))
     (tmp_path / "a.fits.gz").write_bytes(b"\x1f\x8b" + bytes(50))
+    (tmp_path / "a.zip").write_bytes(b"PK\3\4" + bytes(50))
     (tmp_path / "a.txt").write_text("no image\n")
     (tmp_path / "empty").touch()
-    expected = {"rgb.png": "image-colour", "cube.fits": "image-not-2d", "a.fits.gz": "image-format-unknown"}
+    expected = {"cube.fits": "several-planes", "a.fits.gz": "image-unreadable", "a.zip": "image-format-unknown"}
     expected |= {"a.txt": "image-format-unknown", "empty": "image-format-unknown", ".": "image-is-folder"}
     expected |= {"absent.img": "image-missing"}
     for name, code in expected.items():

@@ -13,6 +13,7 @@ from catalog.basemap import read_map
 from catalog.camera import read_camera_file
 from catalog.digest import refuse_changed, sha256_of_file
 from catalog.errors import RefusedError
+from catalog.input_file import digest_of
 from catalog.lists import load_image_list
 from catalog.lists.pds_index import read_index_label
 from catalog.lists.scan import scan_folder
@@ -24,10 +25,9 @@ from catalog.regular_file import ChangedError, NotRegularError, TooLargeError, o
 from catalog.reseau import read_reseau_table
 from catalog.spice import kernel_pool, refuse_what_holds_no_kernel
 from catalog.target import find_target
-from flows.profile import read_profile
-from flows.request import digest_of
 from tasks.export.pixels import Selection
 from tasks.photometry.regions import read_regions
+from tasks.profile import read_profile
 from tasks.project.mesh import read_mesh
 
 

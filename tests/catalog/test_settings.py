@@ -6,7 +6,7 @@ import pytest
 
 from catalog.errors import RefusedError
 from catalog.settings import archive_folder, cache_folder, state_folder, ways_out_of
-from flows.result import file_trouble
+from tasks.boundary import file_trouble
 
 FOLDERS = {
     "PLANETPOSE_CACHE": (cache_folder, "XDG_CACHE_HOME"),

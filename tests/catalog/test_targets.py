@@ -13,13 +13,13 @@ from catalog.errors import RefusedError
 from catalog.lists import load_image_list
 from catalog.lists.adding import check_list
 from catalog.readers import read_frame
-from catalog.target import Target, find_target, known_targets
+from catalog.target import Target, find_target, further_targets, known_targets
 from flows.inputs import image_inputs
-from flows.profile import find_profile
-from flows.reprocessing.requests import request_of
-from flows.reprocessing.settings import Settings
+from flows.options import ReprocessOptions
 from flows.request import Request, target_inputs
+from flows.requests import request_of
 from tasks.ingest import pose_step
+from tasks.profile import find_profile
 from tasks.work import Work
 
 SECONDS_PER_YEAR = 365.25 * 86400.0
@@ -90,6 +90,49 @@ def test_a_body_outside_the_catalog_comes_from_the_loaded_pck(data_folder: Path)
 def test_a_name_that_no_pck_knows_is_refused_with_the_nearest_of_its_bodies(data_folder: Path) -> None:
     with pytest.raises(RefusedError, match=r"'amaltea'.*Did you mean amalthea"):
         find_target("amaltea", [data_folder / "kernels"])
+
+
+@pytest.mark.parametrize(
+    ("spelling", "naif_id"),
+    [
+        ("Miranda", 705), ("HYPERION", 607), ("phoebe", 609), ("433 Eros", 2000433), ("EROS", 2000433),
+        ("101955 BENNU", 2101955), ("25143 itokawa", 2025143), ("Ryugu", 2162173), ("4 VESTA", 2000004),
+        ("1 ceres", 2000001), ("Phobos", 401), ("616", 616), ("proteus", 808), ("21 Lutetia", 2000021),
+    ],
+)  # fmt: skip
+def test_moons_and_small_bodies_are_found_by_name_number_and_id(spelling: str, naif_id: int) -> None:
+    from catalog.readers.names import target_of_label
+
+    assert find_target(spelling).naif_id == naif_id
+    assert target_of_label(spelling) == find_target(spelling).name
+    assert find_target(spelling).basemap is None
+
+
+@real
+def test_the_rotation_models_of_moons_and_small_bodies_equal_spice(data_folder: Path) -> None:
+    import spiceypy
+
+    from catalog.spice import kernel_pool
+
+    compared = 0
+    with kernel_pool([data_folder / "kernels" / "pck"]):
+        for name, target in further_targets().items():
+            if not spiceypy.bodfnd(target.naif_id, "RADII"):
+                assert name in ("bennu", "ryugu")
+                continue
+            assert target.radii_km == tuple(spiceypy.bodvcd(target.naif_id, "RADII", 3)[1])
+            if target.rotation is None or not target.body_frame:
+                continue
+            for et in np.random.default_rng(target.naif_id).uniform(-30, 30, 4) * SECONDS_PER_YEAR:
+                spice = spiceypy.pxform("J2000", target.body_frame, et)
+                np.testing.assert_allclose(target.rotation.body_from_j2000(et), spice, atol=1e-9, err_msg=name)
+            compared += 1
+    assert compared > 40
+
+
+def test_the_catalogs_targets_with_maps_come_first() -> None:
+    assert not set(known_targets()) & set(further_targets())
+    assert len(known_targets()) + len(further_targets()) > 85
 
 
 OWN_BODY = """
@@ -201,7 +244,7 @@ def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
     for name, value in (("a", 1.0), ("b", 2.0)):
         fits.writeto(tmp_path / f"{name}.fits", np.full((3, 3), value, np.float32))
     listed = load_image_list(tmp_path / "list.csv")
-    settings = Settings(images=str(tmp_path / "list.csv"), store=tmp_path / "out")
+    settings = ReprocessOptions(images=str(tmp_path / "list.csv"), store=str(tmp_path / "out"))
     asked = request_of(listed, listed.entries[0], settings, find_profile("joint"))
     assert asked.target == str(tmp_path / "v.toml")
     assert [fault for fault in check_list(tmp_path / "list.csv").faults if "gone.toml" in fault]

@@ -73,10 +73,8 @@ def test_every_depth_and_white_as_zero(bits: int, white: bool, tmp_path: Path) -
 @pytest.mark.parametrize(
     ("pixels", "options", "named"),
     [
-        (np.zeros((9, 8, 3), "u1"), {"photometric": "rgb"}, "3 bands, uint8 .bands red, green, blue."),
-        (np.zeros((9, 8, 4), "u2"), {"photometric": "rgb", "extrasamples": ["unassalpha"]}, "4 bands, uint16"),
-        (np.zeros((9, 8, 2), "u1"), {"photometric": "minisblack", "extrasamples": ["unassalpha"]}, "gray, alpha"),
-        (np.zeros((3, 9, 8), "u2"), {"photometric": "rgb", "planarconfig": "separate"}, "3 bands, uint16"),
+        (np.zeros((9, 8, 5), "u1"), {"photometric": "minisblack", "planarconfig": "contig"}, "5 planes.*--plane"),
+        (np.zeros((3, 9, 8), "u2"), {"photometric": "minisblack", "planarconfig": "separate"}, "3 planes.*--plane"),
         (np.zeros((5, 9, 8), "f4"), {"photometric": "minisblack"}, "several pages .5 or more."),
         (np.zeros((9, 8), "c8"), {"photometric": "minisblack"}, "complex64"),
         (np.zeros((9, 8), "f4"), {"photometric": "miniswhite"}, "float32 whose zero is white"),
@@ -135,11 +133,37 @@ def test_png_of_every_depth(bits: int, tmp_path: Path) -> None:
     assert np.array_equal(read(tmp_path / "a.png"), pixels.astype(np.float32))
 
 
-@pytest.mark.parametrize(("mode", "named"), [("LA", "grey with transparency"), ("P", "palette"), ("RGB", "red, green")])
-def test_png_of_other_modes_is_refused_by_name(mode: str, named: str, tmp_path: Path) -> None:
-    Image.new(mode, (9, 8)).save(tmp_path / "a.png")
-    with pytest.raises(RefusedError, match=rf"a\.png.*{mode}.*{named}"):
-        read_frame(tmp_path / "a.png")
+@pytest.mark.parametrize("kind", ["u1", "u2"])
+@pytest.mark.parametrize("suffix", ["png", "tif"])
+def test_colours_become_grey_and_that_is_said(kind: str, suffix: str, tmp_path: Path) -> None:
+    """Equal channels are the picture itself; others are averaged, or one of them is taken by its name or number."""
+    grey, colours = full_range(kind), np.stack([full_range(kind)[::step] for step in (1, -1, 1)], axis=-1)
+    colours[..., 2] //= 3
+    for name, channels in (("grey", np.stack([grey] * 3, axis=-1)), ("colours", colours)):
+        with rasterio.open(tmp_path / f"{name}.tif", "w", driver="GTiff", width=grey.shape[1], height=grey.shape[0],
+                           count=3, dtype=grey.dtype, photometric="RGB") as file:  # fmt: skip
+            file.write(np.moveaxis(channels, -1, 0))
+        if suffix == "png":
+            rasterio.shutil.copy(tmp_path / f"{name}.tif", tmp_path / f"{name}.png", driver="PNG")
+    plain, mixed = read_frame(tmp_path / f"grey.{suffix}"), read_frame(tmp_path / f"colours.{suffix}")
+    assert np.array_equal(plain.observation.image, grey.astype(np.float32))
+    assert plain.warnings == ()
+    assert np.allclose(mixed.observation.image, colours.mean(axis=-1), rtol=1e-6)
+    assert any("averaged to grey" in warning for warning in mixed.warnings)
+    for plane in ("2", "green"):
+        chosen = read_frame(tmp_path / f"colours.{suffix}", plane=plane)
+        assert np.array_equal(chosen.observation.image, colours[..., 1].astype(np.float32))
+        assert chosen.warnings == ()
+
+
+@pytest.mark.parametrize("mode", ["LA", "RGBA"])
+def test_transparent_pixels_are_missing(mode: str, tmp_path: Path) -> None:
+    pixels = np.full((40, 40, len(mode)), 90, np.uint8)
+    pixels[:9, :, -1] = 0
+    Image.fromarray(pixels, mode).save(tmp_path / "a.png")
+    frame = read_frame(tmp_path / "a.png")
+    assert np.array_equal(frame.observation.quality & Quality.MISSING > 0, pixels[..., -1] == 0)
+    assert np.all(frame.observation.image == 90)
 
 
 @pytest.mark.parametrize(("kind", "offset"), [("u4", 2**32 - 5000), ("i4", -(2**31)), ("u8", 2**60), ("f8", 1e12)])

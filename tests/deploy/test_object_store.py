@@ -185,7 +185,7 @@ def test_a_store_that_is_not_there_or_may_not_be_used_is_told(
 def test_a_lost_connection_is_a_fault_that_can_pass(url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     from botocore.exceptions import EndpointConnectionError
 
-    from flows.reprocessing.faults import can_pass
+    from flows.reprocessing.worker import can_pass
 
     store = open_object_store(url)
 
@@ -213,8 +213,8 @@ def test_an_image_is_corrected_into_the_store_and_a_lost_copy_costs_only_the_cop
 
     from flows.chain import Chain
     from flows.image import correct_image
+    from flows.one_image import answer_from_cache
     from flows.places import place_of
-    from flows.plan import answer_from_cache
     from flows.request import Request
     from flows.result import result_of
     from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE, write_small_archive

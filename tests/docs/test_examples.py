@@ -19,7 +19,7 @@ from small_product import pose_of, small_publication  # noqa: E402
 from catalog.camera import Camera  # noqa: E402
 from catalog.pose import write_pose_file  # noqa: E402
 from catalog.target import Target  # noqa: E402
-from flows.profile import profile_of  # noqa: E402
+from tasks.profile import profile_of  # noqa: E402
 from tasks.publish.index import open_index  # noqa: E402
 from tasks.publish.product import publish  # noqa: E402
 

@@ -41,9 +41,16 @@ def prefect_api(server_state: Path) -> Iterator[str]:
         patch.setenv("PREFECT_API_URL", "")
         prepare("local")
         url = os.environ["PREFECT_API_URL"]
-        from prefect.settings import PREFECT_API_URL, PREFECT_FLOWS_HEARTBEAT_FREQUENCY, temporary_settings
+        from prefect.settings import (
+            PREFECT_API_AUTH_STRING,
+            PREFECT_API_URL,
+            PREFECT_FLOWS_HEARTBEAT_FREQUENCY,
+            temporary_settings,
+        )
 
-        with temporary_settings({PREFECT_API_URL: url, PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}):
+        credentials = os.environ["PREFECT_API_AUTH_STRING"]
+        own = {PREFECT_API_URL: url, PREFECT_API_AUTH_STRING: credentials, PREFECT_FLOWS_HEARTBEAT_FREQUENCY: None}
+        with temporary_settings(own):
             yield url
             from prefect.events.worker import EventsWorker
             from prefect.logging.handlers import APILogWorker

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from flows.reprocessing.report import TOO_MANY
+from flows.reprocess import TOO_MANY
 
 ROOT = Path(__file__).parents[2]
 ALERT = ROOT / "deploy" / "automations" / "alert.py"

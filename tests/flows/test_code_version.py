@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from catalog.settings import PROJECT_ROOT
-from flows.inputs import judgement_version
+from flows.inputs import verdict_version
 from tasks.code_version import PACKAGES, Sources
 from tasks.registry import STEPS
 from tasks.source_code import read_source
@@ -75,7 +75,10 @@ SAME = {
         'def f(x):\n    fault = f"bad is {x}!"\n    raise RefusedError("c", fault, "Yes.")\n',
     ),
 }
+SAME |= {"a description": ('X = Field(1, description="one", ge=0)\n', 'X = Field(1, description="another", ge=0)\n')}
 OTHER = {
+    "a bound beside a description": ('X = Field(1, ge=0, description="a")\n', 'X = Field(1, ge=1, description="a")\n'),
+    "a description that is computed": ("X = f(description=a)\n", "X = f(description=b)\n"),
     "a number": ("X = 1\n", "X = 2\n"),
     "an operator": ("def f(a):\n    return a + 1\n", "def f(a):\n    return a - 1\n"),
     "the code of an error": ('raise RefusedError("a", "x y", "")\n', 'raise RefusedError("b", "x y", "")\n'),
@@ -154,10 +157,10 @@ def every_module(root: Path) -> Iterator[tuple[str, Path]]:
 
 
 def test_the_judgement_has_all_that_the_flow_of_an_image_imports_beside_the_steps() -> None:
-    assert len(judgement_version()) == 16
+    assert len(verdict_version()) == 16
     bodies = frozenset(step.module for step in STEPS) | {"tasks.registry"}
     reached = Sources(PROJECT_ROOT).reached_from("flows.image", bodies)
-    needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "flows.profile", "flows.settling"}
+    needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "tasks.profile", "flows.verdict"}
     assert needed <= reached
     assert not reached & bodies
 

@@ -38,7 +38,7 @@ def fake_chain(chain: Chain) -> None:
 @pytest.fixture
 def run(prefect_api: str, plain_environment: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run images through the real flow with the fake chain; results as `--json` prints them."""
-    for module in ("flows.one_image", "flows.plan"):
+    for module in ("flows.one_image",):
         monkeypatch.setattr(f"{module}.correct_image", fake_chain)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
     monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.done["publish"].folder)})

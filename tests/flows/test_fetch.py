@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from catalog.fetch import FetchSettings, Item, Outcome, planned_items
 from catalog.fetch.item import INCOMING
+from catalog.fetch.many import fetch_items, summary_of
 from catalog.fetch.rate import RateLimit
 from catalog.lists import ImageEntry, ImageList, write_image_list
 from flows.cli import build_app
-from flows.fetch import fetch_items, summary_of
 
 SHA256 = hashlib.sha256(CONTENT).hexdigest()
 QUICK = FetchSettings(

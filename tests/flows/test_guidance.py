@@ -22,12 +22,13 @@ from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from flows.cli import build_app
-from flows.cli.adjust import adjust
 from flows.cli.correct import warn
+from flows.cli.downstream import answer_with_json
 from flows.one_image import one_result
-from flows.profile import Profile, find_profile
+from flows.options import AdjustOptions
 from flows.progress import Silent
 from flows.request import Request
+from tasks.profile import Profile, find_profile
 from tasks.publish.cube import open_cube
 from tasks.step import run
 from tasks.stored import load_observation
@@ -230,7 +231,8 @@ def test_going_on_from_a_result_reproduces_it(correct: Correct, plain_result: di
 def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     correct: Correct, plain_result: dict[str, Any], tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    adjust(tmp_path / "here/out", tmp_path / "adjusted", json=True)
+    with pytest.raises(SystemExit, match="0"):
+        answer_with_json("adjust", AdjustOptions(store=tmp_path / "here/out", out=tmp_path / "adjusted"), json=True)
     report = json.loads(capfd.readouterr().out)
     assert report == json.loads((tmp_path / "adjusted/adjust.json").read_text())
     [image] = report["images"]

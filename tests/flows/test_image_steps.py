@@ -11,13 +11,13 @@ from catalog.pose import POSE_KEYS, Pose
 from catalog.target import find_target
 from flows.chain import Chain
 from flows.image import Corrected, corrected_or_explained
-from flows.profile import Profile
 from flows.request import Request
 from flows.verdict import doubts
 from tasks.accept.rest import at_rest
 from tasks.accept.settings import StillSettings
 from tasks.correcting import CorrectionResult, Known
 from tasks.diagnose.step import Cause, DiagnoseResult
+from tasks.profile import Profile
 from tasks.record import Record
 from tasks.registry import ATTITUDE, DIAGNOSE, JOINT
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
@@ -30,7 +30,7 @@ from tasks.validate.sun import SunReport
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = LimbFigures(
     rms_px=0.1, mean_px=(0.0, 0.0), normal_rms_px=0.1, normal_median_px=0.0, robust_px=0.1, disagreeing=0.0, blur=1.0,
-    points=99, tried=99, similarity=0.9, correlation=0.9, likeness=0.9,
+    psf_sigma_px=0.8, points=99, tried=99, similarity=0.9, correlation=0.9, likeness=0.9,
 )  # fmt: skip
 REPORT = ValidateResult(
     limb=LIMB,

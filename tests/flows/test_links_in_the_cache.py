@@ -7,8 +7,8 @@ import pytest
 from typer.testing import CliRunner
 
 from flows.cli import build_app
-from flows.reprocessing.sweep import cached_steps, prune, sweep_cache
 from tasks.atomic import folder_put_in_place, sweep_temporaries
+from tasks.cache import cached_steps, prune, sweep_cache
 
 OLD_S = 1_000_000_000.0
 

@@ -12,9 +12,7 @@ from typing import Any
 
 import pytest
 
-from flows import reachable
-from flows.children import our_command
-from flows.loopback import (
+from catalog.loopback import (
     PROXIES,
     Proxy,
     is_loopback,
@@ -22,6 +20,8 @@ from flows.loopback import (
     proxy_for,
     set_unusable_proxies_aside,
 )
+from flows import reachable
+from flows.children import our_command
 from flows.reachable import ServerError, check_reachable, said_when_it_takes_long
 from flows.server import answers
 
@@ -112,7 +112,7 @@ def test_another_address_of_the_loopback_network_joins_too_and_other_hosts_do_no
 
 CLIENTS = """
 import os, sys
-from flows.loopback import keep_loopback_direct, set_unusable_proxies_aside
+from catalog.loopback import keep_loopback_direct, set_unusable_proxies_aside
 keep_loopback_direct(os.environ)
 print(*(proxy.variable for proxy in set_unusable_proxies_aside(os.environ)))
 import httpx, urllib.request

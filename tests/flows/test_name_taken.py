@@ -1,6 +1,5 @@
 """Two images of one name never take each other's place; the same image may change, move, and be done again."""
 
-import io
 import json
 import os
 import shutil
@@ -12,16 +11,15 @@ from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
 from flows.cli import build_app
-from flows.one_image import one_result
-from flows.plan import answer_from_cache
+from flows.one_image import answer_from_cache, one_result
+from flows.options import ReprocessOptions
 from flows.progress import Silent
-from flows.reprocessing.one_image import job_of, outcome_of
+from flows.reprocessing.image_task import job_of, outcome_of
 from flows.reprocessing.outcomes import all_outcomes, write_outcome
 from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.requests import requests_of
 from flows.reprocessing.run import Run, Tally
-from flows.reprocessing.settings import Settings
-from flows.reprocessing.worker import Voice, do
+from flows.reprocessing.worker import do
+from flows.requests import requests_of_list
 from flows.status import status_of
 from lab.fuzz.batch import Ground
 from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
@@ -143,7 +141,7 @@ def test_a_product_without_a_record_is_known_by_its_cube(tmp_path: Path) -> None
 
 
 @pytest.fixture
-def lists(ground: Ground, raw: Path, tmp_path: Path) -> list[Settings]:
+def lists(ground: Ground, raw: Path, tmp_path: Path) -> list[ReprocessOptions]:
     """Reprocessing of two lists that name two images alike, into one store."""
     made = []
     for image in (raw, other_than(raw)):
@@ -153,46 +151,51 @@ def lists(ground: Ground, raw: Path, tmp_path: Path) -> list[Settings]:
         table.write_text(f"image,camera,target,pose_file\nframe.png,{CAMERA_FILE},europa,{POSE_FILE}\n")
         profile = str(ground.archive / PROFILE_FILE)
         cache = ground.folder / "cache"
-        made.append(Settings(images=str(table), store=tmp_path / "store", profile=profile, kernels=(), cache=cache))
+        made.append(
+            ReprocessOptions(images=str(table), store=str(tmp_path / "store"), profile=profile, kernels=(), cache=cache)
+        )
     return made
 
 
-def planned(settings: Settings) -> Plan:
-    (request,) = requests_of(settings)
+def planned(settings: ReprocessOptions) -> Plan:
+    (request,) = requests_of_list(settings)
     return plan_of(request, settings)
 
 
-def reprocessed(settings: Settings) -> Plan:
+def reprocessed(settings: ReprocessOptions) -> Plan:
     """As the flow does it, in this process."""
-    plan, said = planned(settings), io.StringIO()
+    plan = planned(settings)
+    said: list[dict[str, Any]] = []
     if plan.do:
-        do(plan.request, Voice(said))
-        end = json.loads(said.getvalue().splitlines()[-1])
-        write_outcome(settings.books, outcome_of(job_of(plan, settings, "run"), end))
+        do(plan.request, lambda kind, **content: said.append({"kind": kind, **content}))
+        end = said[-1]
+        write_outcome(settings.books, outcome_of(job_of(plan, settings, "run"), end), end["trace"])
     else:
         Run(settings, "run", [plan.request], Tally(1)).leave(plan)
     return plan
 
 
-def test_lists_with_one_name_for_two_images_keep_both_outcomes(lists: list[Settings], tmp_path: Path) -> None:
+def test_lists_with_one_name_for_two_images_keep_both_outcomes(lists: list[ReprocessOptions], tmp_path: Path) -> None:
     first, second = lists
     assert reprocessed(first).why == "new"
-    before = (first.store / "frame/result.json").read_bytes()
+    before = (first.folder / "frame/result.json").read_bytes()
     assert reprocessed(second).why.startswith("its name is taken: ")
-    assert (first.store / "frame/result.json").read_bytes() == before
+    assert (first.folder / "frame/result.json").read_bytes() == before
     for _ in range(2):
         assert (reprocessed(first).why, reprocessed(second).why) == ("unchanged (ok)", "unchanged (refused)")
     outcomes = {outcome.status: outcome for outcome in all_outcomes(first.books)}
     assert outcomes["refused"].code == OTHER_IMAGE
     assert outcomes["ok"].image == str(tmp_path / "raw/frame.png")
-    status = status_of(first.store, plan=False)
+    status = status_of(first.folder, plan=False)
     assert (status["images"], status["stale"], status["not_remembered"]) == (2, [], [])
-    shutil.rmtree(first.store / "frame")
+    shutil.rmtree(first.folder / "frame")
     assert reprocessed(second).why == "its name is free now"
     assert [outcome.image for outcome in all_outcomes(first.books)] == [str(tmp_path / "calibrated/frame.png")]
 
 
-def test_a_list_may_move_and_its_images_change_later(lists: list[Settings], ground: Ground, tmp_path: Path) -> None:
+def test_a_list_may_move_and_its_images_change_later(
+    lists: list[ReprocessOptions], ground: Ground, tmp_path: Path
+) -> None:
     first = lists[0]
     reprocessed(first)
     (tmp_path / "raw").rename(tmp_path / "elsewhere")

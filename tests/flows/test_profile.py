@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from catalog.errors import RefusedError
+from catalog.settings import DEFAULT_PROFILE
 from flows.cli import build_app
-from flows.defaults import DEFAULT_PROFILE
-from flows.profile import Profile, find_profile, known_profiles, profile_of, read_profile
-from flows.profile_layers import differences, in_words, merged
 from flows.request import Request
+from tasks.profile import Profile, find_profile, known_profiles, profile_of, read_profile
+from tasks.profile.layers import differences, in_words, merged
 
 LINE = "[accept]\nmax_limb_rms_px = 6.0\n"
 
@@ -31,7 +31,7 @@ def written(folder: Path, text: str, name: str = "own.toml") -> Path:
         (LINE, "accept.max_limb_rms_px", 3.0, 6.0),
         ("passes = 2\n", "passes", 1, 2),
         ('hold = ["attitude"]\n', "hold", [], ["attitude"]),
-        ("[joint.priors.file]\nrange_relative = 0.001\n", "joint.priors.file.range_relative", 0.02, 0.001),
+        ("[joint.priors.file]\nrange_share = 0.001\n", "joint.priors.file.range_share", 0.02, 0.001),
         ("[joint]\nplain = []\n", "joint.plain", ["lambert", "lommel-seeliger"], []),
         ("[range.limb]\nacross = 100\n", "range.limb.across", 200, 100),
         ('[joint]\nlimb_led_px = "none"\n', "joint.limb_led_px", 0.3, None),

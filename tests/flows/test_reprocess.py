@@ -10,25 +10,24 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pydantic import ValidationError
 
 from catalog.digest import remember_digests, sha256_of_file
-from catalog.errors import RefusedError
 from flows import inputs
+from flows import run as command
 from flows.inputs import image_inputs
+from flows.options import ReprocessOptions
 from flows.progress import Silent
-from flows.reprocessing import command
-from flows.reprocessing.one_image import without_results
-from flows.reprocessing.outcomes import read_outcome, write_outcome
-from flows.reprocessing.parameters import parameters_of, settings_of
-from flows.reprocessing.planning import plans_in_words
-from flows.reprocessing.run import begin, planned
-from flows.reprocessing.settings import Settings
-from flows.reprocessing.sweep import prune, sweep
+from flows.reprocessing.image_task import without_results
+from flows.reprocessing.outcomes import read_outcome, read_trace, write_outcome
+from flows.reprocessing.planning import TRIES, plans_in_words
+from flows.reprocessing.run import begin, planned, sweep
 from flows.request import Request
 from flows.status import status_of
-from flows.trace import inputs_changed, kernels_changed, leaves_changed
 from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_small_archive
 from tasks import step as step_module
+from tasks.cache import prune
+from tasks.changes import inputs_changed, kernels_changed, leaves_changed
 from tasks.record import RECORD_FILE
 
 
@@ -50,41 +49,41 @@ def archive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def settings(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> Settings:
+def settings(archive: Path, tmp_path_factory: pytest.TempPathFactory) -> ReprocessOptions:
     place = tmp_path_factory.mktemp("place")
     profile, images = str(archive / PROFILE_FILE), str(archive / LIST)
-    return settings_of(
-        images=images, store=place / "store", cache=place / "cache", profile=profile, kernels=[], workers=1
+    return ReprocessOptions(
+        images=images, store=str(place / "store"), cache=place / "cache", profile=profile, kernels=[], workers=1
     )
 
 
 @pytest.fixture(scope="module")
-def done(prefect_api: str, settings: Settings) -> dict[str, Any]:
+def done(prefect_api: str, settings: ReprocessOptions) -> dict[str, Any]:
     """The summary of the first run."""
     return command.run_reprocess(settings, prefect_api, nobody)
 
 
-def wanted(settings: Settings, **changes: Any) -> dict[str, str]:
+def wanted(settings: ReprocessOptions, **changes: Any) -> dict[str, str]:
     """Products that would be done, and why."""
     _, plans = planned(settings.model_copy(update=changes))
     return {plan.request.product: plan.why for plan in plans if plan.do}
 
 
-def test_one_bad_image_does_not_stop_the_others(done: dict[str, Any], settings: Settings) -> None:
+def test_one_bad_image_does_not_stop_the_others(done: dict[str, Any], settings: ReprocessOptions) -> None:
     assert done["status"] == {"ok": 2, "doubtful": 0, "refused": 1, "failed": 0}
     assert done["codes"] == {"image-unreadable": 1}
     assert done["too_many_failed"]
-    assert all((settings.store / name / "cube.zarr").is_dir() for name in GOOD)
-    assert not (settings.store / BAD).exists()
-    assert not list(settings.store.rglob(".*.tmp"))
+    assert all((settings.folder / name / "cube.zarr").is_dir() for name in GOOD)
+    assert not (settings.folder / BAD).exists()
+    assert not list(settings.folder.rglob(".*.tmp"))
 
 
-def test_the_table_names_every_image_with_its_reason(done: dict[str, Any], settings: Settings) -> None:
-    rows = {row["product"]: row for row in csv.DictReader((settings.store / "reprocess.csv").open())}
+def test_the_table_names_every_image_with_its_reason(done: dict[str, Any], settings: ReprocessOptions) -> None:
+    rows = {row["product"]: row for row in csv.DictReader((settings.folder / "reprocess.csv").open())}
     assert set(rows) == {*GOOD, BAD}
     assert rows[BAD]["reason"].startswith("image-unreadable")
     assert {row["why"] for row in rows.values()} == {"new"}
-    kept = json.loads((settings.store / "reprocess.json").read_text())
+    kept = json.loads((settings.folder / "reprocess.json").read_text())
     assert kept["run"] == done["run"]
     assert kept["steps_done"]["publish"] == 2
 
@@ -102,7 +101,7 @@ def test_prefect_has_a_task_per_image_and_artifacts(done: dict[str, Any], prefec
 
 
 def test_a_rerun_does_nothing_and_asks_no_server(
-    done: dict[str, Any], settings: Settings, monkeypatch: pytest.MonkeyPatch
+    done: dict[str, Any], settings: ReprocessOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert done
 
@@ -114,7 +113,7 @@ def test_a_rerun_does_nothing_and_asks_no_server(
     assert (again["done"], again["unchanged"], again["status"]) == (0, 3, done["status"])
 
 
-def test_what_is_refused_is_done_again_only_when_asked_for(done: dict[str, Any], settings: Settings) -> None:
+def test_what_is_refused_is_done_again_only_when_asked_for(done: dict[str, Any], settings: ReprocessOptions) -> None:
     assert done
     assert wanted(settings) == {}
     assert wanted(settings, again=True) == {BAD: "refused before (image-unreadable)"}
@@ -122,7 +121,7 @@ def test_what_is_refused_is_done_again_only_when_asked_for(done: dict[str, Any],
 
 
 def test_a_changed_setting_is_named_with_both_values(
-    done: dict[str, Any], settings: Settings, archive: Path, tmp_path: Path
+    done: dict[str, Any], settings: ReprocessOptions, archive: Path, tmp_path: Path
 ) -> None:
     assert done
     text = (archive / PROFILE_FILE).read_text().replace("sure_likeness = 0.4", "sure_likeness = 0.5")
@@ -132,7 +131,7 @@ def test_a_changed_setting_is_named_with_both_values(
 
 
 def test_changed_code_of_a_step_or_of_the_verdict_is_named(
-    done: dict[str, Any], settings: Settings, monkeypatch: pytest.MonkeyPatch
+    done: dict[str, Any], settings: ReprocessOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the keys that `correct` uses: exactly what depends on the code is done again."""
     assert done
@@ -141,16 +140,16 @@ def test_changed_code_of_a_step_or_of_the_verdict_is_named(
     assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of point")
     monkeypatch.setattr(step_module, "code_version", ours)
     assert wanted(settings) == {}
-    monkeypatch.setattr(inputs, "judgement_version", lambda: "another")
+    monkeypatch.setattr(inputs, "verdict_version", lambda: "another")
     assert wanted(settings) == dict.fromkeys(GOOD, "changed: code of the verdict")
 
 
-def test_a_plan_needs_no_cache_of_steps(done: dict[str, Any], settings: Settings, tmp_path: Path) -> None:
+def test_a_plan_needs_no_cache_of_steps(done: dict[str, Any], settings: ReprocessOptions, tmp_path: Path) -> None:
     assert done
     assert wanted(settings, cache=tmp_path / "empty") == {}
 
 
-def test_a_changed_file_is_named(done: dict[str, Any], settings: Settings, archive: Path) -> None:
+def test_a_changed_file_is_named(done: dict[str, Any], settings: ReprocessOptions, archive: Path) -> None:
     assert done
     pose, image = archive / POSE_FILE, archive / f"{GOOD[1]}.png"
     kept = pose.read_text(), image.read_bytes()
@@ -165,9 +164,9 @@ def test_a_changed_file_is_named(done: dict[str, Any], settings: Settings, archi
     assert wanted(settings) == {}
 
 
-def test_a_product_that_lost_a_file_or_is_gone_is_done_again(done: dict[str, Any], settings: Settings) -> None:
+def test_a_product_that_lost_a_file_or_is_gone_is_done_again(done: dict[str, Any], settings: ReprocessOptions) -> None:
     assert done
-    product = settings.store / GOOD[0]
+    product = settings.folder / GOOD[0]
     overlay = (product / "overlay.png").read_bytes()
     (product / "overlay.png").write_bytes(b"")
     assert wanted(settings) == {GOOD[0]: "product is damaged: overlay.png is missing"}
@@ -180,23 +179,27 @@ def test_a_product_that_lost_a_file_or_is_gone_is_done_again(done: dict[str, Any
     product.with_name("elsewhere").rename(product)
 
 
-def test_what_may_pass_is_tried_in_the_next_runs_but_not_for_ever(done: dict[str, Any], settings: Settings) -> None:
+def test_what_may_pass_is_tried_in_the_next_runs_but_not_for_ever(
+    done: dict[str, Any], settings: ReprocessOptions
+) -> None:
     assert done
     known = read_outcome(settings.books, BAD, "")
     assert known is not None
+    trace = read_trace(settings.books, known)
     try:
         hung = replace(known, status="failed", reason="timed-out: it hung.", passing=True)
-        hung = replace(hung, trace=without_results(hung.trace))
-        write_outcome(settings.books, hung)
+        write_outcome(settings.books, hung, without_results(trace))
         assert wanted(settings) == {BAD: "failed before, may pass (timed-out)"}
-        write_outcome(settings.books, replace(hung, tries=settings.limits.tries))
+        write_outcome(settings.books, replace(hung, tries=TRIES), without_results(trace))
         assert wanted(settings) == {}
     finally:
-        write_outcome(settings.books, known)
+        write_outcome(settings.books, known, trace)
 
 
-def test_status_tells_counts_runs_steps_and_what_is_out_of_date(done: dict[str, Any], settings: Settings) -> None:
-    found = status_of(settings.store)
+def test_status_tells_counts_runs_steps_and_what_is_out_of_date(
+    done: dict[str, Any], settings: ReprocessOptions
+) -> None:
+    found = status_of(settings.folder)
     assert found["status"] == done["status"]
     assert found["reasons"] == {"refused": {"image-unreadable": 1}}
     assert found["runs"][-1]["run"] == done["run"]
@@ -207,33 +210,52 @@ def test_status_tells_counts_runs_steps_and_what_is_out_of_date(done: dict[str, 
     assert (found["stale"], found["not_remembered"]) == ([], [])
 
 
-def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any], settings: Settings) -> None:
+def test_a_store_is_listed_without_the_traces_of_its_images(
+    done: dict[str, Any], settings: ReprocessOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And a trace that is damaged, gone or of another outcome counts for nothing."""
+    assert done
+    known = read_outcome(settings.books, GOOD[0], "")
+    assert known is not None
+    small, large = (settings.books / folder / known.file_name for folder in ("images", "traces"))
+    assert small.stat().st_size < 4000 < large.stat().st_size
+    content = large.read_bytes()
+    for damaged in (None, b"", content[:-20], content.replace(b'"key"', b'"kez"')):
+        large.unlink() if damaged is None else large.write_bytes(damaged)
+        assert read_trace(settings.books, known) == {}
+        assert status_of(settings.folder, plan=False)["images"] == 3
+    large.write_bytes(content)
+    assert read_trace(settings.books, known)["steps"]
+    assert wanted(settings) == {}
+
+
+def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any], settings: ReprocessOptions) -> None:
     assert done
     known = read_outcome(settings.books, GOOD[0], "")
     assert known is not None
     try:
         write_outcome(settings.books, replace(known, status="failed", reason="no-limb: none."))
-        assert status_of(settings.store, plan=False)["stale"] == [GOOD[0]]
+        assert status_of(settings.folder, plan=False)["stale"] == [GOOD[0]]
     finally:
         write_outcome(settings.books, known)
 
 
 def test_an_image_whose_file_is_not_there_is_planned_as_missing_and_counted(
-    settings: Settings, archive: Path, tmp_path: Path
+    settings: ReprocessOptions, archive: Path, tmp_path: Path
 ) -> None:
     rows = (archive / LIST).read_text().splitlines()
     (archive / "absent.csv").write_text("\n".join([*rows[:3], rows[3].replace(f"{BAD}.png", "absent.png")]) + "\n")
-    absent = settings.model_copy(update={"images": str(archive / "absent.csv"), "store": tmp_path / "store"})
+    absent = settings.model_copy(update={"images": str(archive / "absent.csv"), "store": str(tmp_path / "store")})
     assert wanted(absent) == dict.fromkeys(GOOD, "new") | {BAD: "missing"}
     told = "3 of 3 images would be done; the files of 1 are missing (--fetch gets those with an address)"
     assert plans_in_words(planned(absent)[1]) == told
-    assert plans_in_words(planned(settings.model_copy(update={"store": tmp_path}))[1]) == told.partition(";")[0]
+    assert plans_in_words(planned(settings.model_copy(update={"store": str(tmp_path)}))[1]) == told.partition(";")[0]
 
 
-def test_parameters_travel_as_json_and_come_back(settings: Settings) -> None:
-    assert settings_of(**json.loads(json.dumps(parameters_of(settings)))) == settings
-    with pytest.raises(RefusedError, match="most_failed_percent"):
-        settings_of(images="europa57", store="out", most_failed_percent=101)
+def test_parameters_travel_as_json_and_come_back(settings: ReprocessOptions) -> None:
+    assert ReprocessOptions(**json.loads(settings.model_dump_json())) == settings
+    with pytest.raises(ValidationError, match="most_failed_percent"):
+        ReprocessOptions(images="europa57", store="out", most_failed_percent=101)
 
 
 def test_the_cache_is_pruned_longest_unused_first_and_what_is_in_use_stays(tmp_path: Path) -> None:
@@ -316,7 +338,7 @@ def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_told(
     mirrored.write_bytes(b"pixels")
     (tmp_path / LIST).write_text("product,image\nA,pds-rings:volumes/there.png\nB,pds-rings:volumes/gone.png\n")
     monkeypatch.setenv("PLANETPOSE_MIRROR", str(tmp_path / "mirror"))
-    place = {"store": tmp_path / "store", "cache": tmp_path / "cache", "archive": tmp_path / "archive"}
-    run = begin(settings_of(images=str(tmp_path / LIST), fetch=True, **place))
+    place = {"store": str(tmp_path / "store"), "cache": tmp_path / "cache", "archive": tmp_path / "archive"}
+    run = begin(ReprocessOptions(images=str(tmp_path / LIST), fetch=True, **place))
     assert [request.image.exists() for request in run.requests] == [True, False]
     assert "gone.png was not fetched" in caplog.text

@@ -8,13 +8,12 @@ from typing import Any
 import pytest
 
 from catalog.errors import FailedError, RefusedError
-from flows.reprocessing.claims import claimed, sweep_claims
-from flows.reprocessing.faults import can_pass
-from flows.reprocessing.settings import Limits
-from flows.reprocessing.workman import LostError, Workman
+from flows.options import ReprocessOptions
+from flows.reprocessing.pool import LostError, Worker
+from flows.reprocessing.worker import can_pass, claimed, sweep_claims
 from lab.faults.processes import runs
 
-LIMITS = Limits(image_timeout_s=120)
+LIMITS = {"image_timeout_s": 120.0, "image_memory_mb": 6000.0}
 
 
 def said(_: Any) -> None:
@@ -22,41 +21,37 @@ def said(_: Any) -> None:
 
 
 @pytest.fixture
-def workman() -> Any:
-    one = Workman(module="fake_worker")
+def worker() -> Any:
+    import fake_worker  # beside this file, where the worker finds it too
+
+    one = Worker(target=fake_worker.work)
     yield one
     one.kill()
 
 
-@pytest.fixture(autouse=True)
-def fakes_can_be_imported(monkeypatch: pytest.MonkeyPatch) -> None:
-    here = Path(__file__).parent
-    monkeypatch.setenv("PYTHONPATH", f"{here}:{here.parent.parent}")
+def test_one_process_does_one_image_after_the_other(worker: Worker) -> None:
+    assert [worker.do({"do": "end"} | LIMITS, said)["pid"] for _ in range(3)] == [worker.pid] * 3
 
 
-def test_one_process_does_one_image_after_the_other(workman: Workman) -> None:
-    assert [workman.do({"do": "end"}, LIMITS, said)["pid"] for _ in range(3)] == [workman.pid] * 3
-
-
-def test_a_hung_step_is_ended_and_leaves_nothing(workman: Workman, tmp_path: Path) -> None:
-    workman.do({"do": "end"}, LIMITS, said)  # its start, which may take long on a busy machine, is over
+def test_a_hung_step_is_ended_and_leaves_nothing(worker: Worker, tmp_path: Path) -> None:
+    worker.do({"do": "end"} | LIMITS, said)  # its start, which may take long on a busy machine, is over
     job = {"do": "hang", "folder": str(tmp_path / "kind"), "started": str(tmp_path / "started")}
     with pytest.raises(LostError, match="timed-out: step point-1 was at work"):
-        workman.do(job, Limits(image_timeout_s=3), said)
+        worker.do(LIMITS | job | {"image_timeout_s": 3.0}, said)
     assert (tmp_path / "started").exists()
-    assert not runs(workman.pid)
+    assert not runs(worker.pid)
     assert list((tmp_path / "kind").iterdir()) == []
 
 
-def test_a_process_that_dies_is_told_with_its_step_and_how(workman: Workman) -> None:
+def test_a_process_that_dies_is_told_with_its_step_and_how(worker: Worker) -> None:
     with pytest.raises(LostError, match=r"worker-died: the process died in step point-1 \(exit status 3\)"):
-        workman.do({"do": "die"}, LIMITS, said)
+        worker.do({"do": "die"} | LIMITS, said)
 
 
-def test_an_image_that_takes_too_much_memory_is_ended(workman: Workman) -> None:
+def test_an_image_that_takes_too_much_memory_is_ended(worker: Worker) -> None:
     with pytest.raises(LostError, match="memory: step point-1 took"):
-        workman.do({"do": "grow"}, Limits(image_memory_mb=200), said)
-    assert not runs(workman.pid)
+        worker.do({"do": "grow"} | LIMITS | {"image_memory_mb": 200.0}, said)
+    assert not runs(worker.pid)
 
 
 def raised_from(error: Exception, cause: Exception) -> Exception:
@@ -129,7 +124,7 @@ def test_prefect_tries_again_only_after_faults_that_can_pass(
         return SimpleNamespace(passing=fault == "passing", status="refused", reason=f"{fault}: told.")
 
     monkeypatch.setattr(image_task, "do_image", ended)
-    task = image_task.image_task(Limits(retries=2, retry_delay_s=0))
+    task = image_task.image_task(ReprocessOptions(images="list", retries=2, retry_delay_s=0))
 
     @flow
     def one_image() -> Any:

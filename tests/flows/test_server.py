@@ -263,3 +263,50 @@ def test_a_silence_lasts_from_when_a_server_listens(monkeypatch: pytest.MonkeyPa
     assert 0 < first < second
     heard["listens"] = False
     assert silence.seconds("http://127.0.0.1:1/api") == 0.0
+
+
+def test_nobody_else_can_read_the_password_or_the_database(files: ServerFiles) -> None:
+    files.folder.mkdir(parents=True, mode=0o755)  # as an earlier version made it
+    ensure_server(files)
+    record = files.read()
+    assert record is not None
+    user, _, password = record.credentials.partition(":")
+    assert user
+    assert len(password) >= 32
+    assert files.folder.stat().st_mode & 0o077 == 0
+    assert files.record.stat().st_mode & 0o077 == 0
+    first = record.credentials
+    assert stop_server(files)
+    ensure_server(files)
+    again = files.read()
+    assert again is not None
+    assert again.credentials != first
+
+
+def test_the_local_server_does_nothing_without_its_password(prefect_api: str) -> None:
+    """A real server: whoever else reaches its port learns that it lives, and no more."""
+    import httpx
+
+    from flows.server import server_files
+
+    record = server_files().read()
+    assert record is not None
+    user, _, password = record.credentials.partition(":")
+    for credentials, status in ((None, 401), ((user, "wrong"), 401), ((user, password), 200)):
+        with httpx.Client(trust_env=False, auth=credentials) as client:
+            assert client.post(f"{prefect_api}/flow_runs/filter", json={"limit": 1}).status_code == status
+            assert client.get(f"{prefect_api}/health").status_code == 200
+
+
+def test_a_local_server_that_is_named_by_its_address_gets_its_password(
+    prefect_api: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from flows.prefect_settings import prepare
+    from flows.server import server_files
+
+    record = server_files().read()
+    assert record is not None
+    monkeypatch.setenv("PREFECT_API_AUTH_STRING", "another:one")
+    monkeypatch.setenv("PREFECT_API_URL", prefect_api)
+    prepare(prefect_api)
+    assert os.environ["PREFECT_API_AUTH_STRING"] == record.credentials

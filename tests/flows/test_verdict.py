@@ -10,24 +10,25 @@ import pytest
 from catalog.errors import FailedError, PlanetposeError, RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
-from flows.result import file_trouble
 from flows.verdict import reminded
-from tasks.accept.judgement import (
-    believe,
+from tasks.accept.acceptance import (
+    check_limb,
     doubtful_limb,
+    doubtful_psf,
     explained,
     is_about_orientation,
     refuse_doubtful_behind,
 )
 from tasks.accept.settings import AcceptSettings
 from tasks.atomic import file_put_in_place, folder_put_in_place
+from tasks.boundary import file_trouble
 from tasks.validate.limb import LimbFigures, robust_rms
 from tasks.validate.step import OrientationReport
 
 POSE = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 7.8e5]), np.array([-4e8, 1e8, -5e8]), np.eye(3))
 LIMB = LimbFigures(
     rms_px=None, mean_px=None, normal_rms_px=None, normal_median_px=None, robust_px=None, disagreeing=None, blur=None,
-    points=3, tried=40, similarity=0.95, correlation=0.95, likeness=0.95,
+    psf_sigma_px=None, points=3, tried=40, similarity=0.95, correlation=0.95, likeness=0.95,
 )  # fmt: skip
 
 
@@ -71,7 +72,7 @@ def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -
 def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
     for tried, words in ((40, "only 3 segments of the lit limb"), (0, "lit limb is nowhere on usable pixels")):
         with pytest.raises(FailedError, match=words) as failure:
-            believe(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
+            check_limb(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
         assert failure.value.code == "limb-not-measured"
 
 
@@ -147,3 +148,17 @@ def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_w
 ) -> None:
     judged = OrientationReport(verdict=verdict, sigmas=9.0)
     assert is_about_orientation(judged) == (not is_told)
+
+
+@pytest.mark.parametrize(("solved_px", "shown_px"), [(3.3, 0.9), (2.1, 1.0), (1.5, 0.0), (9.0, 3.1)])
+def test_a_solution_that_blurs_more_than_the_limb_is_blurred_is_doubted(solved_px: float, shown_px: float) -> None:
+    doubt = doubtful_psf(AcceptSettings(), solved_px, LIMB.model_copy(update={"psf_sigma_px": shown_px}))
+    assert doubt is not None
+    assert doubt.startswith("psf-disagrees: ")
+
+
+@pytest.mark.parametrize(
+    ("solved_px", "shown_px"), [(0.5, 0.8), (0.9, 0.0), (3.8, 2.9), (6.0, 6.0), (None, 1.0), (5.0, None)]
+)
+def test_a_blur_that_the_limb_has_too_is_no_doubt(solved_px: float | None, shown_px: float | None) -> None:
+    assert doubtful_psf(AcceptSettings(), solved_px, LIMB.model_copy(update={"psf_sigma_px": shown_px})) is None

@@ -13,4 +13,4 @@ def test_each_profile_lacks_one_part_of_the_joint_estimator() -> None:
         changed = {key for key in other if other[key] != whole[key]} - {"name"}
         assert changed == {"joint"}
     assert profiles["joint-no-psf"].joint.hold == ("psf",)
-    assert profiles["joint-no-priors"].joint.priors.file.range_relative is None
+    assert profiles["joint-no-priors"].joint.priors.file.range_sigma(1e5) == float("inf")

@@ -7,7 +7,8 @@ import spiceypy
 
 from lab.benchmark import peers
 from lab.benchmark.projection import EUROPA, benchmark_projection, frame_filling_scene, peer_figures
-from tasks.project.planes import ANGLES, project_planes
+from tasks.project.backplanes import ANGLES
+from tasks.project.planes import project_planes
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,6 @@ from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.pose import Pose, write_pose_file
 from flows.cli import build_app
-from flows.profile import find_profile
 from flows.request import Request
 from flows.result import EMPTY
 from lab.evaluate.archive import evaluate_archive
@@ -23,6 +22,7 @@ from lab.evaluate.table import evaluation_table
 from lab.simulate.archive import COLUMNS, MANIFEST, write_manifest
 from lab.simulate.europa57 import paper_images
 from tasks.point.rotation import pose_moved_by
+from tasks.profile import find_profile
 
 CAMERA = find_camera("voyager1-nac")
 TRUTH = paper_images()["C1635208"].pose
@@ -95,7 +95,7 @@ def test_what_simulated_images_lack_is_taken_out_of_the_stated_errors() -> None:
     truth: Pose = true_pose(camera)
     lacking = not_simulated(find_profile("joint"), truth, camera, EUROPA)
     assert lacking["range_factor"] == pytest.approx(np.hypot(0.3 / 1560.8, 0.32 / 1560.8 / 3), rel=0.01)
-    assert lacking["attitude_deg"] == find_profile("joint").joint.systematic.map_frame_deg
+    assert lacking["attitude_deg"] == EUROPA.map_frame_deg == 0.1
     assert not_simulated(find_profile("standard"), truth, camera, EUROPA) == {}
     stated = {"centre_px": [0.05, 0.04], "range_factor": 5e-4, "attitude_deg": [0.2, 0.2, lacking["attitude_deg"]]}
     found = assess(

@@ -137,7 +137,7 @@ def test_the_command_knows_what_a_plugin_adds(installed: Path, python: Call) -> 
 
 REFUSED = """
 import json, sys, planetpose
-from flows.profile import profile_of
+from tasks.profile import profile_of
 found = []
 for settings in json.loads(sys.argv[1]):
     try:

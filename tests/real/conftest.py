@@ -10,7 +10,7 @@ sys.path.append(str(Path(__file__).parent / "helpers"))
 
 from real_bench import Bench
 
-from flows.profile import find_profile
+from tasks.profile import find_profile
 
 
 @pytest.fixture(scope="session")

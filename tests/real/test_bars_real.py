@@ -14,7 +14,7 @@ from catalog.camera import find_camera
 from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.target import find_target
-from flows.profile import find_profile
+from tasks.profile import find_profile
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
 from tasks.undistort import undistort

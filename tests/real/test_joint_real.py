@@ -18,9 +18,9 @@ from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.target import find_target
-from flows.profile import find_profile
 from tasks.compare.reduce import reduced_observation, reduced_scene
 from tasks.joint import JointSettings, find_pose_jointly
+from tasks.profile import find_profile
 from tasks.simulate import Scene, SceneSettings
 from tasks.undistort import UndistortSettings, undistort
 

@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 from catalog.basemap import map_of_target
 from tasks.export.map_image import map_image
 from tasks.export.source import read_source
+from tasks.geometry.bilinear import map_values
 from tasks.publish.check import product_faults
 
 pytestmark = pytest.mark.real
@@ -31,7 +32,9 @@ def test_markings_coincide_with_the_base_map_to_the_pixel(europa: dict[str, Any]
     lit = np.isfinite(layers["image"]) & (layers["incidence"] < 75) & (layers["emission"] < 75)
     mu0, mu = (np.cos(np.radians(np.where(lit, layers[name], 0.0))) for name in ("incidence", "emission"))
     flat = np.where(lit, layers["image"], 0.0) / (mu0 / (mu0 + mu) + mu0)
-    albedo = map_of_target(source.target).sample(np.where(lit, latitude, 0.0), np.where(lit, longitude, 0.0))
+    basemap = map_of_target(source.target)
+    at = (np.where(lit, each, 0.0) for each in (latitude, longitude))
+    albedo = map_values(basemap.albedo, basemap.left_edge_deg, *at)
     ours, theirs = local_contrast(flat, lit), local_contrast(albedo, lit)
     shifts = range(-REACH_PX, REACH_PX + 1)
     norm = np.sqrt((ours**2).sum() * (theirs**2).sum())

@@ -8,7 +8,8 @@ from catalog.pose import Pose
 from catalog.spice import kernel_pool
 from catalog.target import find_target
 from planetpose import CubeModel, pixel_of, place_of
-from tasks.project.planes import ANGLES, project_planes
+from tasks.project.backplanes import ANGLES
+from tasks.project.planes import project_planes
 
 pytestmark = pytest.mark.real
 

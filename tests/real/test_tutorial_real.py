@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from real_bench import PLANETPOSE, ROOT, Bench
 
-from flows.profile import find_profile
+from tasks.profile import find_profile
 
 sys.path.insert(0, str(ROOT / "docs"))
 

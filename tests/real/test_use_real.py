@@ -15,9 +15,9 @@ from catalog.camera import find_camera
 from catalog.pose import Pose
 from catalog.readers import read_frame
 from catalog.rotation import rotation_from_vector_deg
-from flows.profile import find_profile
 from flows.result import EMPTY
 from tasks.point.rotation import pose_moved_by
+from tasks.profile import find_profile
 
 pytestmark = pytest.mark.real
 

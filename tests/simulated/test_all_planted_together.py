@@ -8,11 +8,11 @@ from simulated_world import EUROPA, observation_of, scene_of, small_camera, true
 from catalog.observation import Observation
 from catalog.pose import Pose
 from flows.image import settled
-from flows.profile import Profile, find_profile
 from lab.simulate.plant import PoseError, planted, pose_error
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correcting import recorded
 from tasks.point import PointSettings, find_pointing
+from tasks.profile import Profile, find_profile
 from tasks.range import RangeSettings, find_range
 from tasks.simulate import Scene
 from tasks.validate import validate_limb

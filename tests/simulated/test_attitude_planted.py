@@ -40,7 +40,7 @@ def test_a_planted_turn_is_recovered(observation: Observation, turn_deg: float, 
     print(f"turn of {turn_deg} deg: {left_deg(found):.4f} deg left, 1-sigma {sigma:.4f}, bar {BAR_DEG}")
     assert left_deg(found) < BAR_DEG
     # What the map's frame and the disk's place may be off by is stated, too.
-    assert (np.array(found.uncertainty["attitude_deg"]) > AttitudeSettings().map_frame_deg).all()
+    assert (np.array(found.uncertainty["attitude_deg"]) > 0.1).all()
     assert found.changed["attitude_deg"] == pytest.approx(turn_deg * AXIS, abs=BAR_DEG)
     assert found.evidence["correlation_after"] > found.evidence["correlation_before"]
     np.testing.assert_array_equal(found.pose.camera_from_j2000, TRUTH.camera_from_j2000)
@@ -138,7 +138,7 @@ def test_weak_markings_do_not_outweigh_the_prior(
     from tasks.attitude.markings import Markings
 
     weak = Markings("undetermined") if sigmas is None else Markings("matched", 0.5, sigmas)
-    monkeypatch.setattr(solve, "judged_markings", lambda *_: weak)
+    monkeypatch.setattr(solve, "markings_at_pose", lambda *_: weak)
     settings = AttitudeSettings(max_deg=max_deg)
     reason = solve.why_not_so_far(observation, TRUTH, 3 * AXIS, SCENE, settings, prior_deg)
     assert (reason is None) == believed

@@ -13,8 +13,8 @@ from catalog.observation import Observation, Quality
 from catalog.readers.noise import measured_noise
 from catalog.target import find_target
 from tasks.diagnose import DiagnoseSettings, tried
-from tasks.diagnose.judging import cause_of
-from tasks.diagnose.telling import Diagnosis
+from tasks.diagnose.choice import cause_of
+from tasks.diagnose.diagnosis import Diagnosis
 from tasks.point.rotation import pose_pointed_at
 from tasks.simulate import Scene, SceneSettings
 from tasks.undistort.saturation import with_plate_flagged

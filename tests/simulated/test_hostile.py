@@ -16,7 +16,7 @@ from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
 from catalog.target import find_target
 from tasks.diagnose import DiagnoseSettings, tried
-from tasks.diagnose.judging import diagnosis_of, incomplete_frame
+from tasks.diagnose.choice import diagnosis_of, incomplete_frame
 from tasks.diagnose.others import without_others
 from tasks.simulate import Scene, SceneSettings
 from tasks.simulate.suns import sun_azimuth_deg, with_sun

@@ -11,15 +11,16 @@ from simulated_world import EUROPA, PEAK_DN, SKY_DN, observed, scene_of, small_c
 from catalog.basemap import BaseMap
 from catalog.pose import Pose
 from tasks.joint import JointSettings
-from tasks.joint.estimate import Estimate, estimated, prior_sigmas, without_markings
+from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas
 from tasks.joint.limb_response import limb_response
 from tasks.joint.parameters import OFFSET, RANGE, State, difference
+from tasks.joint.problem import Problem
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
-SETTINGS = without_markings(JointSettings(second_start=False, oversample=3))
-SIGMAS = prior_sigmas(SETTINGS.priors.file)
+SETTINGS = JointSettings(second_start=False, oversample=3, hold=("attitude",), plain=())
+SIGMAS = prior_sigmas(SETTINGS.priors.file, 1.5e5)
 SIZE = (140, 140)
 CAMERA = small_camera(100.0, SIZE).model_copy(update={"centre_px": (69.5, 69.5)})
 SPHERE = EUROPA.model_copy(update={"radii_km": (1560.8,) * 3, "radius_sigma_km": 0.0, "relief_km": 0.0})
@@ -50,7 +51,7 @@ def solved(phase_deg: float, arc_px: float = 0.0, law=lambert) -> tuple[Estimate
     truth = true_pose(CAMERA, phase_deg=phase_deg, sun_azimuth_deg=185.0)
     start = State(truth, 0.8)
     seen = observed(picture(truth, arc_px, law), 0.5)
-    return estimated(seen, start, start, SIGMAS, scene(), SETTINGS), truth
+    return estimated(Problem(seen, scene(), start, SIGMAS, SETTINGS), start), truth
 
 
 @pytest.mark.parametrize("phase_deg", [30.0, 80.0])
@@ -82,7 +83,8 @@ def test_relief_is_an_error_of_centre_and_range_along_what_a_half_lit_limb_leave
     estimate, truth = solved(80.0)
     rough = SPHERE.model_copy(update={"relief_km": 0.01 * SPHERE.mean_radius_km})
     seen = observed(picture(truth), 0.5)
-    other = estimated(seen, State(truth, 0.8), State(truth, 0.8), SIGMAS, replace(scene(), target=rough), SETTINGS)
+    state = State(truth, 0.8)
+    other = estimated(Problem(seen, replace(scene(), target=rough), state, SIGMAS, SETTINGS), state)
     added = other.free_covariance - estimate.free_covariance
     correlation = added[0, RANGE] / np.sqrt(added[0, 0] * added[RANGE, RANGE])
     print(f"\nrelief of 0.5 px adds {np.sqrt(np.diag(added)[:3])}, correlation of x and range {correlation:.2f}")

@@ -11,12 +11,12 @@ from simulated_world import EUROPA, clean_image, observed, scene_of, small_camer
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
-from flows.profile import find_profile
 from lab.simulate.plant import planted, pose_error
-from tasks.accept.judgement import believe, doubtful_likeness
+from tasks.accept.acceptance import check_limb, doubtful_likeness
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.point import PointSettings, find_pointing
 from tasks.point.registration import REGISTRATIONS
+from tasks.profile import find_profile
 from tasks.range import RangeSettings, find_range
 from tasks.roll import RollSettings, find_roll
 from tasks.simulate import Scene
@@ -119,7 +119,7 @@ def passes(observation: Observation, pose: Pose, name: str) -> tuple[Pose, str]:
                 settings["ssim"]["step"] = 0.0025
             pose = corrector(observation, pose, scene, model.model_validate(settings)).pose
     limb = validate_limb(observation, pose, scene).figures()
-    believe(profile.accept, limb)
+    check_limb(profile.accept, limb)
     return pose, "doubtful" if doubtful_likeness(profile.accept, limb) else "ok"
 
 

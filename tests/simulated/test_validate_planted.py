@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 from simulated_world import flagged, observation_of, scene_of, small_camera, true_pose
 
 from catalog.observation import Observation
@@ -115,3 +116,12 @@ def test_unusable_pixels_leave_their_segments_out(observation: Observation, repo
     assert too_few.points < 16
     assert (too_few.rms_px, too_few.mean_px, too_few.normal_rms_px) == (None, None, None)
     assert too_few.figures().points == too_few.points
+
+
+@pytest.mark.parametrize("more_px", [0.0, 1.0, 2.0, 4.0])
+def test_the_limb_shows_how_wide_the_psf_is(observation: Observation, more_px: float) -> None:
+    image = gaussian_filter(observation.image.astype(float), more_px).astype(np.float32)
+    report = validate_limb(Observation(image, observation.noise, observation.quality), TRUTH, SCENE)
+    expected = float(np.hypot(SCENE.psf_sigma_px, more_px))
+    print(f"PSF {expected:.2f} px, shown {report.psf_sigma_px:.2f} px")
+    assert report.psf_sigma_px == pytest.approx(expected, rel=0.15)

@@ -7,7 +7,7 @@ import pytest
 from lab.simulate.plant import pose_error
 from lab.simulate.small_world import clean_image, observed, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.bending import DistortionError
+from tasks.joint.problem import DistortionError
 
 ONCE = JointSettings(second_start=False, displaced_px=0.15)
 RADIUS_PX, SIDE = 60.0, 170

@@ -13,7 +13,7 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target, find_target
 from lab.simulate.small_world import clean_image, observation_of, observed, scene_of, small_camera, true_pose
-from tasks.attitude.markings import judged_markings, mismatch_of
+from tasks.attitude.markings import markings_at_pose, mismatch_of
 from tasks.attitude.symmetry import better_flip, doubt_of_symmetry
 from tasks.joint.outline import outline_spread
 from tasks.joint.parameters import OFFSET, RANGE
@@ -39,11 +39,11 @@ def turned(pose: Pose, vector_deg: list[float]) -> Pose:
 def test_markings_match_where_they_are_and_nowhere_else(radius_px: float, phase_deg: float) -> None:
     scene, truth = small(radius_px, phase_deg)
     observation = observation_of(scene, truth)
-    here = judged_markings(observation, truth, scene, PRIOR_DEG)
+    here = markings_at_pose(observation, truth, scene, PRIOR_DEG)
     print("truth", here.to_dict())
     assert here.verdict == "matched"
     for wrong in ([12.0, -10.0, 6.0], [25.0, 10.0, -20.0], [0.0, 90.0, 0.0], [0.0, 0.0, 180.0]):
-        there = judged_markings(observation, turned(truth, wrong), scene, PRIOR_DEG)
+        there = markings_at_pose(observation, turned(truth, wrong), scene, PRIOR_DEG)
         print(wrong, there.to_dict())
         assert there.verdict != "matched"
         assert (there.sigmas or 0) < (here.sigmas or 0)
@@ -52,7 +52,7 @@ def test_markings_match_where_they_are_and_nowhere_else(radius_px: float, phase_
 def test_a_better_orientation_within_the_prior_is_found() -> None:
     scene, truth = small(40, 60)
     planted = np.array([6.0, -5.0, 4.0])
-    found = judged_markings(observation_of(scene, truth), turned(truth, list(planted)), scene, PRIOR_DEG)
+    found = markings_at_pose(observation_of(scene, truth), turned(truth, list(planted)), scene, PRIOR_DEG)
     print(found.to_dict())
     assert found.verdict == "mismatched"
     assert found.better_deg is not None
@@ -64,14 +64,16 @@ def test_a_better_orientation_within_the_prior_is_found() -> None:
 def test_what_noise_hides_is_undetermined(noise_dn: float) -> None:
     scene, truth = small(15, 60)
     for pose in (truth, turned(truth, [0.0, 0.0, 180.0])):
-        assert judged_markings(observation_of(scene, truth, noise_dn), pose, scene, PRIOR_DEG).verdict == "undetermined"
+        assert (
+            markings_at_pose(observation_of(scene, truth, noise_dn), pose, scene, PRIOR_DEG).verdict == "undetermined"
+        )
 
 
 def test_a_body_without_the_maps_markings_is_no_match() -> None:
     scene, truth = small(30, 50)
     bland = observation_of(replace(scene, basemap=uniform_map()), truth)
-    assert judged_markings(bland, truth, scene, PRIOR_DEG).verdict == "mismatched"
-    assert judged_markings(bland, truth, replace(scene, basemap=uniform_map()), PRIOR_DEG).verdict == "no-map"
+    assert markings_at_pose(bland, truth, scene, PRIOR_DEG).verdict == "mismatched"
+    assert markings_at_pose(bland, truth, replace(scene, basemap=uniform_map()), PRIOR_DEG).verdict == "no-map"
 
 
 @pytest.mark.parametrize("contrast", [1.0, 4.0])
@@ -80,7 +82,7 @@ def test_another_bodys_markings_are_no_match_however_strong_they_are(contrast: f
     own = scene.basemap.albedo
     other = np.clip(1 + contrast * (np.roll(own[::-1], own.shape[1] // 3, axis=1) - 1), 0.05, None)
     seen = observation_of(replace(scene, basemap=replace(scene.basemap, albedo=other.astype(np.float32))), truth)
-    found = judged_markings(seen, truth, scene, PRIOR_DEG)
+    found = markings_at_pose(seen, truth, scene, PRIOR_DEG)
     print(contrast, found.to_dict())
     assert found.verdict == "mismatched"
 
@@ -89,7 +91,7 @@ def test_another_bodys_markings_are_no_match_however_strong_they_are(contrast: f
 def test_the_maps_markings_at_half_their_contrast_are_not_called_absent(radius_px: float) -> None:
     scene, truth = small(radius_px, 60)
     weak = replace(scene.basemap, albedo=(0.5 + 0.5 * scene.basemap.albedo).astype(np.float32))
-    found = judged_markings(observation_of(replace(scene, basemap=weak), truth, 3.0), truth, scene, PRIOR_DEG)
+    found = markings_at_pose(observation_of(replace(scene, basemap=weak), truth, 3.0), truth, scene, PRIOR_DEG)
     print(radius_px, found.to_dict())
     assert found.verdict in ("matched", "undetermined")
 
@@ -120,7 +122,7 @@ def test_a_flipped_picture_is_found_out_where_its_shading_does_not_tell(flip: Fl
 
 def symmetry_of(observation: Observation, pose: Pose, scene: Scene) -> Flip | None:
     """The flip that fits better, its doubt checked."""
-    markings = judged_markings(observation, pose, scene, PRIOR_DEG)
+    markings = markings_at_pose(observation, pose, scene, PRIOR_DEG)
     found = better_flip(observation, pose, scene, markings, PRIOR_DEG)
     if found is None:
         return None
@@ -162,8 +164,10 @@ def test_an_unknown_orientation_of_a_sphere_moves_nothing_and_of_a_flat_body_muc
     scene, pose = small(60, 60)
     ball = Target(name="ball", naif_id=1, radii_km=(1560.0, 1560.0, 1560.0), body_frame="J2000")
     flat = find_target("saturn").model_copy(update={"radii_km": (1560.0, 1560.0, 1400.0)})
-    spread = {name: outline_spread(pose, replace(scene, target=t), 30.0) for name, t in {"b": ball, "f": flat}.items()}
-    few = outline_spread(pose, replace(scene, target=flat), 3.0)
+    spread = {
+        name: outline_spread(pose, replace(scene, target=t), 30.0, 8) for name, t in {"b": ball, "f": flat}.items()
+    }
+    few = outline_spread(pose, replace(scene, target=flat), 3.0, 8)
     print({name: np.sqrt(np.diag(s))[:3] for name, s in spread.items()}, np.sqrt(np.diag(few))[:3])
     assert np.abs(spread["b"]).max() < 1e-6
     assert spread["f"][RANGE, RANGE] ** 0.5 > 0.01

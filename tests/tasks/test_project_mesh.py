@@ -14,12 +14,13 @@ from catalog.pose import Pose
 from catalog.spice import kernel_pool
 from catalog.target import Target
 from lab.benchmark.spice_oracle import BODY, BODY_ID, FRAME, SPACECRAFT, write_kernels
+from tasks.project.backplanes import ANGLES, SUNLIT
 from tasks.project.mesh import Mesh, mesh_of, read_mesh
 from tasks.project.mesh_radial import outermost_points
 from tasks.project.more_planes import more_planes
 from tasks.project.pixels import project_pixels
 from tasks.project.places import pixels_of_places
-from tasks.project.planes import ANGLES, SUNLIT, project_planes
+from tasks.project.planes import project_planes
 from tasks.project.points import latitude_longitude
 from tasks.project.shaped import mesh_seen
 

@@ -15,8 +15,9 @@ from catalog.pose import Pose
 from catalog.target import RotationModel, Target
 from lab.benchmark.reference import project_planes_with_numpy
 from tasks.compiled import compiled
+from tasks.project.backplanes import ANGLES, PLANES, POINT
 from tasks.project.kernel import _atan2_deg
-from tasks.project.planes import ANGLES, PLANES, POINT, project_planes
+from tasks.project.planes import project_planes
 from tasks.project.points import body_points
 
 CAMERA = Camera(name="test", size_px=(90, 70), centre_px=(44.2, 35.9), focal_length_px=5e4)

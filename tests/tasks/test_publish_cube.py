@@ -11,7 +11,8 @@ from catalog.camera import Camera
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.project.planes import PLANES, project_planes
+from tasks.project.backplanes import PLANES
+from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication
 from tasks.publish.cube import cube_dataset, open_cube, write_cube

@@ -14,8 +14,9 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import Target
 from planetpose import model_of, pixel_of, place_of
+from tasks.project.backplanes import KNOWN_PLANES
 from tasks.project.pixels import project_pixels
-from tasks.project.planes import KNOWN_PLANES, project_planes
+from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication, publish, redraw_overlay
 from tasks.publish.cube import cube_dataset, open_cube

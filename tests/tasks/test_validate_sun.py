@@ -8,7 +8,7 @@ import pytest
 from catalog.pose import Pose
 from lab.simulate.plant import planted
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
-from tasks.accept.judgement import doubtful_sun
+from tasks.accept.acceptance import doubtful_sun
 from tasks.accept.settings import AcceptSettings
 from tasks.simulate.suns import with_sun_moved
 from tasks.validate.sun import SunReport, sun_in_image

@@ -3,6 +3,7 @@
 import numpy as np
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
 from tasks.point.registration.sampling import two_pictures
@@ -25,6 +26,6 @@ def register_ecc(match: Match) -> Shift:
         score, warp = cv2.findTransformECC(simulated, image, warp, cv2.MOTION_TRANSLATION, criteria, usable, BLUR)
     except cv2.error as error:
         raise FailedError(
-            "did-not-converge", "ECC found no alignment of image and simulation.", "Try another registration."
+            Reason.DID_NOT_CONVERGE, "ECC found no alignment of image and simulation.", "Try another registration."
         ) from error
     return Shift(warp[:, 2].astype(np.float64), None, MAX_ITERATIONS, float(score))

@@ -3,6 +3,8 @@
 import numpy as np
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
+from catalog.robust import sigma_about_zero
 from tasks.compare.brightness import correlation
 from tasks.compare.match import Match
 from tasks.point.registration.base import Shift
@@ -34,12 +36,12 @@ def register_features(match: Match) -> Shift:
     agreed = _agreeing(displacements)
     if len(agreed) < MIN_MATCHES:
         raise FailedError(
-            "too-few-features",
+            Reason.TOO_FEW_FEATURES,
             f"only {len(agreed)} features of image and simulation agree, needed {MIN_MATCHES}.",
             "The disk or the map is too bland; try another registration.",
         )
     offset = np.median(agreed, axis=0)
-    spread = 1.4826 * np.median(np.abs(agreed - offset), axis=0)
+    spread = np.array([sigma_about_zero(along) for along in (agreed - offset).T])
     covariance = np.diag((1.2533 * spread) ** 2 / len(agreed))
     return Shift(offset, covariance, 1, correlation(image, simulated, match.usable))
 

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import FailedError
+from catalog.reasons import Reason
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import Match
 
@@ -19,7 +20,7 @@ def two_pictures(match: Match) -> tuple[Picture, Picture]:
     simulated = model.astype(np.float32)
     if not np.ptp(simulated) > 0:
         raise FailedError(
-            "did-not-converge",
+            Reason.DID_NOT_CONVERGE,
             "the registration has moved the target out of the frame, or its brightness to nothing.",
             "Check the picture, range and Sun direction.",
         )

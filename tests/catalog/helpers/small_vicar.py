@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from astropy.io import fits
+from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.readers import read_frame
@@ -55,4 +56,21 @@ def voyager_with_label(folder: Path, label: Mapping[str, str], scet: str, exposu
     path.write_bytes(head.encode().ljust(1600, b"\0") + pixels.tobytes())
     lines = "".join(f"{key} = {value}\r\n" for key, value in label.items())
     path.with_suffix(".LBL").write_text(f"PDS_VERSION_ID = PDS3\r\n{lines}END\r\n")
+    return path
+
+
+def vicar_file(path: Path, pixels: NDArray[Any], keywords: str = "", prefix: int = 0, header_lines: int = 0) -> Path:
+    """A VICAR file with line prefixes and binary header lines full of 0xEE."""
+    lines, samples = pixels.shape
+    record = prefix + samples * pixels.dtype.itemsize
+    kind = {"u1": "BYTE", "i2": "HALF", "i4": "FULL", "f4": "REAL"}[pixels.dtype.str[1:]]
+    order = "HIGH" if pixels.dtype.str[0] == ">" else "LOW"
+    body = (
+        f"FORMAT='{kind}'  TYPE='IMAGE'  BUFSIZ=20480  DIM=3  EOL=0  RECSIZE={record}  ORG='BSQ'  NL={lines}"
+        f"  NS={samples}  NB=1  N1={samples}  N2={lines}  N3=1  N4=0  NBB={prefix}  NLB={header_lines}"
+        f"  HOST='X'  INTFMT='{order}'  REALFMT='RIEEE' {keywords} "
+    ).encode()
+    label = b"LBLSIZE=%-16d" % 4096 + body
+    rows = b"".join(b"\xee" * prefix + row.tobytes() for row in pixels)
+    path.write_bytes(label.ljust(4096, b"\0") + b"\xee" * (header_lines * record) + rows)
     return path

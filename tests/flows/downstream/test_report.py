@@ -13,9 +13,9 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from browser import Page, browser_page, find_browser
 
-from flows.report import Report, write_report
 from tasks.pictures.store_figures import QUANTITIES
 from tasks.report.pictures import last_change
+from tasks.report.write import Report, write_report
 
 DAMAGED, FINE, DOUBTFUL = "BROKEN", "PHASE_012.0", "PHASE_070.0"
 REASON = "<b>limb</b> & similarity disagree"

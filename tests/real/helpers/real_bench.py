@@ -11,9 +11,9 @@ from typing import Any
 from catalog.errors import PlanetposeError
 from flows.chain import Chain, NotCachedError, only_cached
 from flows.image import correct_image
-from flows.profile import Profile, find_profile
 from flows.request import Request
 from flows.result import result_of
+from tasks.profile import Profile, find_profile
 from tasks.record import Record
 from tasks.step import AnyStep, run
 

@@ -18,9 +18,9 @@ from small_product import small_publication
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.rotation import rotation_from_vector_deg
-from flows.export import export_products
 from tasks.export.fits import write_backplanes
 from tasks.export.pixels import Selection, pixel_table
+from tasks.export.products import export_products
 from tasks.export.settings import FORMATS, ExportSettings
 from tasks.export.source import read_source
 from tasks.export.stac import target_class
@@ -70,6 +70,40 @@ def test_every_format_is_written_and_a_bad_product_does_not_stop_the_others(expo
     assert all(path.exists() for result in exported[:2] for path in result.files.values())
     assert "holds no cube.zarr" in exported[2].reason
     assert exported[2].to_dict()["status"] == "refused"
+
+
+def test_gdal_and_pvl_read_the_isis_cube(store, files):
+    source = read_source(store / "C0001")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pvl warns of its own deprecated class
+        import pvl
+
+        label = pvl.load(str(files["isis-cube"]))
+    assert list(label["IsisCube"]["BandBin"]["Name"])[:2] == ["Image", "Phase Angle"]
+    assert label["IsisCube"]["Instrument"]["TargetName"] == "europa"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+        with rasterio.open(files["isis-cube"]) as cube:
+            assert cube.driver == "ISIS3"
+            bands = cube.read(masked=True)
+    for number, (plane, factor) in {0: ("image", 1), 4: ("latitude", 1), 6: ("resolution_km", 1000)}.items():
+        ours = source.cube[plane].values
+        assert np.array_equal(bands[number].mask, ~np.isfinite(ours))
+        assert bands[number].compressed() == pytest.approx(ours[np.isfinite(ours)] * factor, rel=1e-6)
+
+
+def test_the_isd_is_the_products_pose_and_camera(store, files):
+    from catalog.camera import Camera
+    from catalog.isd import pose_from_isd
+
+    source = read_source(store / "C0001")
+    for path in (files["isd"], files["isd"].with_name("C0001_isd_detector.json")):
+        pose, camera = pose_from_isd(path).completed(), Camera.from_isd(path)
+        np.testing.assert_allclose(pose.camera_from_j2000, source.pose.camera_from_j2000, atol=1e-12)
+        np.testing.assert_allclose(pose.body_from_j2000, source.pose.body_from_j2000, atol=1e-12)
+        np.testing.assert_allclose(pose.target_from_spacecraft_km, source.pose.target_from_spacecraft_km)
+        pixels = np.array([[3.0, 5.0], [150.0, 20.0]])
+        np.testing.assert_allclose(camera.detector_ray(pixels), source.camera.ray(pixels), atol=1e-12)
 
 
 def test_astropy_finds_the_planes_and_the_sky(store, files):

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 from catalog.errors import RefusedError
 from catalog.spice import kernel_pool
 from flows.cli import build_app
-from flows.kernels import kernels_of
 from tasks.kernels.exposure import read_exposure
 from tasks.kernels.round_trip import largest_difference_deg, spice_planes
+from tasks.kernels.store import kernels_of
 from tasks.kernels.write import write_kernel_set
-from tasks.project.planes import ANGLES
+from tasks.project.backplanes import ANGLES
 from tasks.publish import publish
 from tasks.publish.cube import open_cube
 

@@ -1,0 +1,94 @@
+"""planetpose adjust, check, export, fetch, kernels, photometry, report: the commands on lists and stores"""
+
+import sys
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
+from flows.options import (
+    AdjustOptions,
+    CheckOptions,
+    ExportOptions,
+    FetchOptions,
+    KernelsOptions,
+    Options,
+    PhotometryOptions,
+    ReportOptions,
+)
+
+if TYPE_CHECKING:
+    from flows.commands import Row
+
+DryRun = Annotated[bool, typer.Option("--dry-run", help="Print what would be fetched, and fetch nothing.")]
+OnlyFaults = Annotated[bool, typer.Option("--quiet", "-q", help="Only products with faults.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands."""
+    for name, model in (("adjust", AdjustOptions), ("export", ExportOptions), ("photometry", PhotometryOptions)):
+        add_command(app, model, partial(answer_with_json, name), name)
+    add_command(app, CheckOptions, check)
+    add_command(app, FetchOptions, fetch)
+    add_command(app, KernelsOptions, kernels)
+    add_command(app, ReportOptions, report)
+
+
+def answer_with_json(command: str, options: Options, json: Json = False) -> None:
+    """A command of `flows.commands` that has no other options for the terminal."""
+    answer(command, options, json)
+
+
+def check(options: CheckOptions, json: Json = False, quiet: OnlyFaults = False) -> None:
+    """See `flows.commands.check`."""
+    answer("check", options, json, quiet and not json)
+
+
+def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) -> None:
+    """See `flows.commands.fetch`."""
+    if not dry_run:
+        answer("fetch", options, json)
+    from flows.commands import items_of
+
+    with wrong_usage():
+        items, archive = items_of(options)
+    for item in items:
+        print(f"{item.source} -> {archive / item.path}")
+
+
+def kernels(options: KernelsOptions, json: Json = False) -> None:
+    """See `flows.commands.kernels`."""
+    refuse_useless_kernels(options.kernels)
+    answer("kernels", options, json)
+
+
+def report(options: ReportOptions, quiet: Quiet = False) -> None:
+    """See `flows.commands.report`."""
+    answer("report", options, json=False, quiet=quiet)
+
+
+def answer(command: str, options: Options, json: bool, quiet: bool = False) -> None:
+    """Do a command, print its rows, and end with exit status 0 when all is well."""
+    from flows import commands
+    from flows.cli.output import clean_stdout, log_to_stderr, write_json
+
+    log_to_stderr()
+    good = True
+    with clean_stdout() as stream:
+
+        def show(row: "Row") -> None:
+            nonlocal good
+            good = good and row.good
+            if quiet and row.minor:
+                return
+            if row.aside:
+                print(row.text, file=sys.stderr, flush=True)
+            elif json and row.content is not None:
+                write_json(stream, row.content)
+            elif not json and row.text:
+                print(row.text, file=stream, flush=True)
+
+        with wrong_usage():
+            getattr(commands, command)(options, show)
+    sys.exit(0 if good else 1)

@@ -1,0 +1,227 @@
+"""What the commands on lists and stores do: each shows a row per product or file as soon as it is known. The command
+line prints the rows, the Prefect flows of the same names log them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from catalog.errors import RefusedError, WrongOptionError
+from catalog.plain_text import printable
+from flows.options import (
+    AdjustOptions,
+    CheckOptions,
+    ExportOptions,
+    FetchOptions,
+    KernelsOptions,
+    PhotometryOptions,
+    ReportOptions,
+)
+
+if TYPE_CHECKING:
+    from catalog.fetch import Item
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of an answer. text: for people, None where it is none; content: the same as JSON. good: whether all is
+    well with it. minor: not shown when the command is to be quiet; aside: a note, for stderr and the log."""
+
+    text: str | None
+    content: dict[str, Any] | None = None
+    good: bool = True
+    minor: bool = False
+    aside: bool = False
+
+
+Show = Callable[[Row], None]
+
+
+def refuse_unknown(option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
+    """Raises WrongOptionError for names that are not known."""
+    if unknown := [name for name in given if name not in known]:
+        raise WrongOptionError(option, f"there is no {', '.join(unknown)}.", f"Known are {', '.join(known)}.")
+
+
+def fetch(options: FetchOptions, show: Show) -> None:
+    """A row per file, then one with the counts. Raises WrongOptionError for unknown kinds, or where no product
+    matches."""
+    from catalog.fetch import FetchSettings
+    from catalog.fetch.many import fetch_items, summary_of
+
+    items, archive = items_of(options)
+    settings = FetchSettings(
+        attempts=options.attempts,
+        stall_timeout_s=options.stall_s,
+        requests_per_s=options.requests_per_s,
+        largest_bytes=int(options.largest_mb * 1e6),
+    )
+
+    def show_file(outcome: Any) -> None:
+        end = f": {outcome.reason}" if outcome.reason else ""
+        text = f"{outcome.status:8s} {outcome.item.location}{end}"
+        show(Row(text, outcome.to_dict(), outcome.status != "failed"))
+
+    found = summary_of(fetch_items(items, archive, settings, show_file))
+    text = (
+        f"{found['files']} files: {found['fetched']} fetched ({found['bytes_fetched'] / 1e6:.1f} MB), "
+        f"{found['present']} there already, {found['failed']} failed; {found['unchecked']} have no checksum to "
+        f"compare with; in {archive}"
+    )
+    show(Row(text, {"summary": found}))
+
+
+def items_of(options: FetchOptions) -> "tuple[list[Item], Path]":
+    """What is fetched, and the folder that it comes into. Raises WrongOptionError as `fetch`."""
+    from catalog.fetch import planned_items
+    from catalog.fetch.plan import KINDS
+    from catalog.fetch.settings import default_mirror
+    from catalog.lists import load_image_list
+    from catalog.settings import archive_folder
+
+    refuse_unknown("what", options.what, KINDS)
+    image_list = load_image_list(options.catalog)
+    wanted = image_list.only(options.only) if options.only else image_list
+    if not wanted.entries:
+        raise WrongOptionError("only", f"no product of {options.catalog} matches.", "See `planetpose catalog show`.")
+    items = planned_items(wanted, options.mirror or default_mirror(), options.what or KINDS)
+    return items, options.dest or archive_folder()
+
+
+def export(options: ExportOptions, show: Show) -> None:
+    """A row per product. Raises WrongOptionError for an unknown format, projection or kernel."""
+    from tasks.export.pixels import Selection
+    from tasks.export.products import Exported, export_products
+    from tasks.export.settings import ExportSettings
+    from tasks.publish.check import products_in
+
+    emission = {} if options.max_emission_deg is None else {"max_emission_deg": options.max_emission_deg}
+    selection = Selection(
+        options.latitude, options.longitude, options.max_incidence_deg, every_flag=options.every_flag, **emission
+    )
+    formats, middle_deg = tuple(dict.fromkeys(options.format)), options.central_longitude_deg
+    try:
+        settings = ExportSettings(
+            formats,
+            options.projection,
+            options.resolution_km,
+            middle_deg,
+            options.kernel,
+            selection=selection,
+            **emission,
+        )
+    except RefusedError as error:
+        raise WrongOptionError(error.code.removesuffix("-unknown"), error.fault, error.remedy) from error
+
+    def show_product(result: Exported) -> None:
+        lines = [str(path) for path in result.files.values()]
+        lines += [f"{result.product}: {result.reason}"] if result.reason else []
+        show(Row("\n".join(lines), result.to_dict(), not result.reason))
+
+    products = (folder for path in options.paths for folder in products_in(path))
+    export_products(products, settings, options.out, show_product)
+
+
+def report(options: ReportOptions, show: Show) -> None:
+    """A row with the page's path; asides for what could not be drawn or read. Raises WrongOptionError for an unknown
+    picture."""
+    from tasks.report.pictures import KINDS, USUAL
+    from tasks.report.write import write_report
+
+    refuse_unknown("picture", options.picture, KINDS)
+    progress = lambda product: show(Row(f"  {product}", minor=True, aside=True))  # noqa: E731 - one line
+    written = write_report(options.store, options.out, options.picture or USUAL, tell=progress)
+    for name, why in written.missing.items():
+        show(Row(f"{name}: not drawn: {why}", good=False, aside=True))
+    for name, why in written.broken.items():
+        show(Row(f"{name}: {why}", good=False, aside=True))
+    show(Row(str(written.page), {"page": str(written.page), "images": written.images}))
+
+
+def kernels(options: KernelsOptions, show: Show) -> None:
+    """A row per set of kernels; asides for products that were left out."""
+    from catalog.settings import default_kernels
+    from tasks.kernels.store import kernels_of
+
+    given = options.chosen_kernels
+
+    def refused(product: Path, reason: str) -> None:
+        show(Row(f"{printable(product.name)}: left out: {reason}", good=False, aside=True))
+
+    mission = default_kernels() if given is None else list(given)
+    for found in kernels_of(options.paths, options.out, mission, options.per_image, options.check, refused):
+        lines = []
+        for kind, path in found["meta_kernels"].items():
+            trip = (found["round_trip_deg"] or {}).get(kind)
+            agrees = f"; plain SPICE agrees to {max(trip.values()):.1e} deg" if trip else ""
+            lines.append(f"{path}: {len(found['products'])} images, {kind}{agrees}")
+        lines += [f"  {note['product']}: no {note['what']}: {note['why']}" for note in found["left_out"]]
+        show(Row("\n".join(lines), found))
+
+
+def photometry(options: PhotometryOptions, show: Show) -> None:
+    """A row per region, then the files; asides for products that were left out. Raises WrongOptionError for an unknown
+    law, or a held value that is none."""
+    from tasks.export.pixels import Selection
+    from tasks.photometry.files import in_json, write_photometry
+    from tasks.photometry.fit import FitSettings
+    from tasks.photometry.laws import LAWS
+    from tasks.photometry.regions import PhotometrySettings, read_regions
+    from tasks.photometry.store import fit_store
+
+    refuse_unknown("law", (options.law,), tuple(LAWS))
+    selection = Selection(options.latitude, options.longitude, options.max_incidence_deg, options.max_emission_deg)
+    held = held_values(options.hold)
+    fit = FitSettings(options.calibration_percent / 100, options.units_per_if, held, options.bootstrap)
+    settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
+    regions = read_regions(options.regions, selection) if options.regions else ()
+    results = fit_store(options.store, settings, regions)
+    paths = write_photometry(results, options.law, options.out)
+    for result in results:
+        content = in_json(result, options.law)
+        lines = [f"{result.name}: {content['reason'] or content['uncertainty_from']}"]
+        for each in content["parameters"]:
+            sigma = each["how"] if each["sigma"] is None else f"+- {each['sigma']:.3g}"
+            lines.append(f"  {each['name']:20} {each['value']:.5g} {sigma} {each['unit']}".rstrip())
+        show(Row("\n".join(lines), content, result.fit is not None))
+    show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in dict(pair for result in results for pair in result.left_out).items():
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
+def held_values(given: tuple[str, ...]) -> dict[str, float]:
+    """NAME=VALUE pairs. Raises WrongOptionError for anything else."""
+    held = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            held[name.strip()] = float(value)
+        except ValueError as error:
+            raise WrongOptionError("hold", f"{text} is not NAME=VALUE.", "") from error
+    return held
+
+
+def adjust(options: AdjustOptions, show: Show) -> None:
+    """One row, the report."""
+    from tasks.adjust import AdjustSettings
+    from tasks.adjust.measurement import NOT_JOINT
+    from tasks.adjust.store import adjust_store
+    from tasks.adjust.table import adjustment_table
+
+    found = adjust_store(options.store, AdjustSettings(gap_s=options.gap), options.out)
+    good = all(each["reason"].startswith(NOT_JOINT) for each in found["left_out"])
+    show(Row(adjustment_table(found), found, good))
+
+
+def check(options: CheckOptions, show: Show) -> None:
+    """A row per product, then how many are sound."""
+    from tasks.objectstore.checked import each_checked
+
+    sound, count = 0, 0
+    for folder, faults in each_checked(options.paths):
+        count, sound = count + 1, sound + (not faults)
+        named = [{"kind": fault.kind, "fault": fault.text} for fault in faults]
+        names = {"product": printable(Path(folder).name), "path": printable(folder)}
+        text = "\n".join(f"{folder}: {fault}" for fault in faults) or f"{folder}: sound"
+        show(Row(text, {**names, "sound": not faults, "faults": named}, not faults, minor=not faults))
+    show(Row(f"{sound} of {count} products sound"))

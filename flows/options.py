@@ -1,0 +1,245 @@
+"""What users choose: one model per command, whose fields are also the parameters of the Prefect flow of that name.
+
+See `flows.image_options` for what their fields have. Nothing heavy is imported here either.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from catalog.settings import DEFAULT_PROFILE, cache_folder
+from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
+
+BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
+
+
+def comma_list(given: Any) -> Any:
+    """`a, b` as a list."""
+    return [part.strip() for part in given.split(",")] if isinstance(given, str) else given
+
+
+def absolute(path: Path) -> Path:
+    """The path that means the same in every process."""
+    return path.expanduser().absolute()
+
+
+def name_or_file(text: str) -> str:
+    """A name of the catalog as it is, a file with its absolute path."""
+    return str(Path(text).absolute()) if Path(text).is_file() else text
+
+
+Absolute = Annotated[Path, AfterValidator(absolute)]
+NameOrFile = Annotated[str, AfterValidator(name_or_file)]
+Paths = Annotated[tuple[Path, ...], Cli(argument=True), Field(description="Products' folders, or stores.")]
+OneStore = Annotated[Path, Cli(argument=True, folder=True)]
+Store = Annotated[str, Field(description="Folder that products are published in, or s3://bucket/prefix.")]
+LATITUDES, LONGITUDES = (-90.0, 90.0), (0.0, 360.0)
+
+
+class KernelOptions(Options):
+    """Which SPICE kernels are used."""
+
+    kernels: tuple[Path, ...] | None = opt(description="SPICE kernel, meta-kernel or folder; repeat for more.")
+    no_kernels: bool = opt(False, description="Use no kernels, not even default ones.")
+
+    @property
+    def chosen_kernels(self) -> tuple[Path, ...] | None:
+        """The kernels; None for those of the environment."""
+        return () if self.no_kernels else self.kernels or None
+
+
+class CorrectOptions(ImageOptions, KernelOptions):
+    """Correct the geometry of images and publish cubes."""
+
+    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
+    store: Store = "out"
+    product: Annotated[tuple[str, ...], Cli(metavar="NAME")] = opt(
+        (), description="Name of the product instead of the file's; once for each file."
+    )
+    profile: str = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    hold: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="GROUPS", text=True)] = opt(
+        (), description="Do not change: range, attitude, roll, offset, psf (comma list)."
+    )
+    max_passes: int | None = opt(ge=1, le=10, description="Overrides the profile's passes.")
+    workers: int | None = opt(ge=1, description="Images at a time; default: one per processor.")
+
+    def of(self, positions: Sequence[int], workers: int) -> "CorrectOptions":
+        """The options of some of the files."""
+        names = tuple(self.product[i] for i in positions) if self.product else ()
+        files = tuple(self.files[i] for i in positions)
+        return self.model_copy(update={"files": files, "product": names, "workers": workers})
+
+
+class ReprocessOptions(Options):
+    """Correct the images of a list that are new or whose inputs, settings, kernels or code changed."""
+
+    images: Annotated[NameOrFile, Cli(argument=True)] = opt(
+        ..., min_length=1, description="Image list: a name of the catalog, or a CSV, TOML or Parquet file."
+    )
+    store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
+    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    only: tuple[str, ...] = opt((), description="Products like this (C16*); repeat for more.")
+    kernels: tuple[Path, ...] | None = opt(
+        description="SPICE kernels for images whose list names none; repeat for more."
+    )
+    workers: int = opt(0, ge=0, description="Images at a time; 0: one per processor.")
+    runner: str = opt(
+        "threads", description="Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler."
+    )
+    dry_run: bool = opt(False, description="Only tell what would be done, and why.")
+    force: bool = opt(False, description="Also images that are unchanged; cached steps stay.")
+    again: bool = opt(False, description="Also images that were refused or failed before.")
+    verify: bool = opt(False, description="Compare every product with its checksums.")
+    image_timeout_s: float = opt(1800.0, ge=0.1, description="Seconds that one image may take.")
+    image_memory_mb: float = opt(6000.0, ge=50, description="Memory that one image may take.")
+    retries: int = opt(2, ge=0, le=20, description="After faults that can pass.")
+    retry_delay_s: float = opt(10.0, ge=0, description="Before the first; each further one is tripled.")
+    most_failed_percent: float = opt(
+        5.0, ge=0, le=100, description="More failed images make the flow fail and raise the alarm."
+    )
+    fetch: bool = opt(False, description="First get what the list names and is not there.")
+    archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
+    cache: Absolute | None = opt(description="Folder of cached steps (default: PLANETPOSE_CACHE).")
+    cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
+    cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
+
+    @property
+    def folder(self) -> Path:
+        """The folder that products are made in: the store, or the local one before an object store."""
+        from flows.places import place_of
+
+        return place_of(self.store).store
+
+    @property
+    def steps_cache(self) -> Path:
+        """Folder of cached steps."""
+        return self.cache or cache_folder().absolute()
+
+    @property
+    def books(self) -> Path:
+        """Folder of what is remembered about images and runs."""
+        return self.folder / BOOKS
+
+    @property
+    def at_a_time(self) -> int:
+        """Images at a time."""
+        return self.workers or processors()
+
+    @property
+    def delays_s(self) -> list[float]:
+        """Seconds before each retry."""
+        return [self.retry_delay_s * 3**number for number in range(self.retries)]
+
+
+class FetchOptions(Options):
+    """Get the images, labels, kernels and maps of a list; exit status 1 when a file could not be had."""
+
+    catalog: Annotated[str, Cli(argument=True)] = opt(
+        ..., description="An image list: a name of the catalog, or a file."
+    )
+    only: tuple[str, ...] = opt((), description="Products alone that match this pattern (C16*); repeat.")
+    what: tuple[str, ...] = opt((), description="images, labels, kernels or maps; repeat. Default: all.")
+    mirror: Text = opt(description="URL or folder in place of all archives (PLANETPOSE_MIRROR).")
+    dest: File = opt(description="Folder of fetched files (PLANETPOSE_ARCHIVE).")
+    attempts: int = opt(4, ge=1, le=20, description="Attempts per file.")
+    stall_s: float = opt(30.0, ge=0.1, description="Silence that ends an attempt.")
+    requests_per_s: float = opt(4.0, ge=0.01, description="To one host.")
+    largest_mb: float = opt(2000.0, ge=0.001, description="Largest file that is fetched.")
+
+
+class ExportOptions(Options):
+    """Export products for other tools: backplanes, maps, catalog items, tables of pixels."""
+
+    paths: Paths
+    format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
+        ...,
+        min_length=1,
+        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more.",
+    )
+    out: Path = opt(Path("export"), description="Folder that files are written into.")
+    projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")
+    resolution_km: Annotated[float | None, Cli(("--resolution-km", "--resolution"))] = opt(
+        description="Maps: km per pixel; default: the image's."
+    )
+    central_longitude_deg: float | None = opt(
+        description="Maps: middle of an equirectangular one, lower meridian of a polar one."
+    )
+    kernel: str = opt("bilinear", description="Maps: nearest, bilinear or cubic.")
+    max_emission_deg: float | None = opt(
+        ge=0, le=90, description="Maps and tables: no farther to the limb; default 85 and 90."
+    )
+    max_incidence_deg: float = opt(90.0, ge=0, le=180, description="Tables.")
+    latitude: Limits = opt(LATITUDES, description="Tables: south and north limit.")
+    longitude: Limits = opt(LONGITUDES, description="Tables: west and east limit, east positive; may run through 0.")
+    every_flag: bool = opt(False, description="Tables: flagged pixels on the body too.")
+
+
+class ReportOptions(Options):
+    """Write a store as static HTML: sortable table, distributions per camera, a page with pictures for every image."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("out/report"), description="Folder for index.html, pages and pictures.")
+    picture: tuple[str, ...] = opt(
+        (), description="overlay, residual, planes, limb; repeat for more. Default: the first three."
+    )
+
+
+class KernelsOptions(KernelOptions):
+    """Write corrected SPICE kernels: camera orientation, spacecraft position, target attitude, meta-kernels."""
+
+    paths: Paths
+    out: Path = opt(Path("kernels"), description="Folder that the sets are written in, a folder each.")
+    per_image: bool = opt(False, description="A set per image instead of one per mission.")
+    check: bool = opt(True, description="Compare with plain SPICE in a second process.")
+
+
+class PhotometryOptions(Options):
+    """Fit a phase function to a region's pixels in all images of a store."""
+
+    store: OneStore = opt(..., description="A store, or one product's folder.")
+    law: str = opt("lunar-lambert", description="lunar-lambert or hapke.")
+    latitude: Limits = opt(LATITUDES, description="South and north limit.")
+    longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
+    regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
+    max_incidence_deg: float = Field(75.0, ge=0, le=90)
+    max_emission_deg: float = Field(75.0, ge=0, le=90)
+    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
+        (), description="A parameter that is not solved; repeat for more."
+    )
+    calibration_percent: float = opt(
+        5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
+    )
+    units_per_if: float | None = opt(
+        ge=1e-12, description="Hapke: image units per I/F; without it w comes from the brightness' shape alone."
+    )
+    albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+    bootstrap: int = opt(
+        0, ge=0, description="Uncertainties from that many fits to ground drawn anew; 0: from the covariance."
+    )
+    max_pixels: int = opt(5_000, ge=100, description="Pixels per image; of more every k-th is used.")
+    out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
+
+
+class AdjustOptions(Options):
+    """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
+
+    store: Annotated[Path, Cli(argument=True)] = opt(..., description="Store of images that the joint step corrected.")
+    out: File = opt(description="Folder for adjust.json and a pose file per image.")
+    gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
+
+
+class CheckOptions(Options):
+    """Check published products: checksums, schema, values, provenance, and geometry against their own pose."""
+
+    paths: Annotated[tuple[str, ...], Cli(argument=True)] = opt(
+        ..., description="Stores, or products' folders; stores may be s3://bucket/prefix."
+    )
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

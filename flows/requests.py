@@ -1,0 +1,137 @@
+"""The requests of a command: of files, or of an image list; and the fetching of what a list names before."""
+
+import logging
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from catalog.basemap import NO_MAP
+from catalog.errors import FailedError, RefusedError, WrongOptionError
+from catalog.fetch import FetchSettings, planned_items
+from catalog.fetch.many import fetch_items, summary_of
+from catalog.fetch.settings import default_mirror
+from catalog.lists import load_image_list
+from catalog.lists.model import ImageEntry, ImageList
+from catalog.made_camera import file_in, is_made
+from catalog.pose import IN_IMAGE
+from catalog.safe_name import is_safe_product_name, safe_product_name
+from catalog.settings import archive_folder
+from catalog.target import is_target_file
+from flows.image_options import ImageOptions
+from flows.options import CorrectOptions, ReprocessOptions
+from flows.places import place_of, usable_place_of
+from flows.request import Request
+from tasks.profile import Profile, find_profile
+
+logger = logging.getLogger("planetpose")
+
+
+def requests_of_files(options: CorrectOptions) -> list[Request]:
+    """One request per file, in their order. Raises RefusedError that names the option when the options are no good: for
+    an unknown profile, one with nothing left to correct, or products that are too few or no names of folders."""
+    place, names = usable_place_of(options.store), product_names(options)
+    shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
+    shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}
+    shared |= {"store": place.store, "publish_to": place.publish_to}
+    return [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
+
+
+def product_names(options: CorrectOptions) -> list[str]:
+    """Names of the files' products, those given or those of the files."""
+    if not options.product:
+        return [safe_product_name(file.stem) for file in options.files]
+    remedy = "Give --product once for each file."
+    if len(options.product) != len(options.files):
+        fault = f"{len(options.product)} names for {len(options.files)} files."
+        raise WrongOptionError("product", fault, remedy)
+    for name in options.product:
+        if not is_safe_product_name(name):
+            fault = f"{name!r} is no name for a folder in a store."
+            raise WrongOptionError("product", fault, f"{safe_product_name(name)!r} would be.")
+    return list(options.product)
+
+
+def profile_of_options(options: CorrectOptions) -> Profile:
+    """The profile with what the options hold, and their number of passes."""
+    profile = find_profile(options.profile)
+    if options.max_passes:
+        profile = profile.model_copy(update={"passes": options.max_passes})
+    try:
+        return profile.holding(options.hold) if options.hold else profile
+    except ValidationError as error:
+        faults = "; ".join(fault["msg"] for fault in error.errors())
+        remedy = "Known are range, attitude, roll, offset and psf."
+        raise WrongOptionError("hold", f"{', '.join(options.hold)!r}: {faults}.", remedy) from error
+
+
+def requests_of_list(options: ReprocessOptions) -> list[Request]:
+    """One request per image of the list, in its order. Raises RefusedError when list or profile are unknown, or no
+    product matches `only`."""
+    found, profile = listed(options), find_profile(options.profile)
+    return [request_of(found, entry, options, profile) for entry in found.entries]
+
+
+def listed(options: ReprocessOptions) -> ImageList:
+    """The image list, or those of it that match `only`. Raises RefusedError as `requests_of_list`."""
+    found = load_image_list(options.images)
+    if not options.only:
+        return found
+    chosen = found.only(options.only)
+    if not chosen.entries:
+        raise RefusedError(
+            "nothing-to-reprocess",
+            f"no product of {options.images} matches {', '.join(options.only)}.",
+            "See `planetpose catalog show LIST`.",
+        )
+    return chosen
+
+
+def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptions, profile: Profile) -> Request:
+    """The request for one image of a list."""
+
+    def here(text: str | None) -> Path | None:
+        return image_list.located(text, options.archive) if text else None
+
+    camera = entry.camera
+    if camera and camera.endswith(".toml"):
+        camera = str(here(camera))
+    if camera and is_made(camera) and (file := file_in(camera)):
+        camera = f"{camera.partition(':')[0]}:{here(str(file))}"
+    target = entry.target
+    if target and is_target_file(target):
+        target = str(here(target))
+    place = place_of(options.store)
+    return Request(
+        image=image_list.located(entry.image, options.archive),
+        product=entry.product,
+        store=place.store,
+        publish_to=place.publish_to,
+        camera=camera,
+        target=target,
+        pose_file=Path(IN_IMAGE) if entry.pose_file == IN_IMAGE else here(entry.pose_file),
+        basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
+        map_left_edge_deg=entry.map_left_edge_deg,
+        flip=entry.flip,
+        kernels=image_list.kernel_paths(entry, options.archive) or options.kernels,
+        profile=profile,
+        cache=options.steps_cache,
+    )
+
+
+def fetch_missing(image_list: ImageList, options: ReprocessOptions) -> None:
+    """Fetch images, labels, kernels and maps. What cannot be had is named in the log: its images are refused as
+    missing, and come up again as soon as it is there. Raises FailedError when the archive's folder cannot be written
+    to."""
+    archive = options.archive or archive_folder()
+    items = planned_items(image_list, default_mirror())
+    if not items:
+        return
+    try:
+        outcomes = fetch_items(items, archive, FetchSettings(), lambda _: None)
+    except OSError as error:
+        raise FailedError("archive-unwritable", f"archive {archive}: {error}.", "Check the disk.") from error
+    found = summary_of(outcomes)
+    for location, reason in found["failures"].items():
+        logger.warning("%s was not fetched: %s", location, reason)
+    if found["fetched"]:
+        logger.info("%s files fetched, %.1f MB", found["fetched"], found["bytes_fetched"] / 1e6)

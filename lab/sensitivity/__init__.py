@@ -1,0 +1,1 @@
+"""What doubling and halving each threshold of the joint step does to its results."""

@@ -1,0 +1,54 @@
+"""planetpose sensitivity"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+# Small disks of four laws, phases and lenses, with good and rough metadata.
+SCENES = ("laws-032", "laws-075", "laws-104", "laws-140")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(sensitivity)
+
+
+def sensitivity(
+    out: Annotated[Path, typer.Option(help="The page that is written, Markdown.")] = Path("out/sensitivity.md"),
+    scene: Annotated[
+        list[str] | None, typer.Option(help="This scene of the honesty benchmark; repeat for more.")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="This threshold (PART.NAME, as iteration.stale_px); repeat for more.")
+    ] = None,
+    profile: Annotated[str, typer.Option(help="Name, or FILE.toml, whose joint settings are tried.")] = "joint",
+    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no threshold later than that.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
+) -> None:
+    """Halve and double each threshold of the joint step on images with known truth; write what that does to errors and
+    their calibration. One process; about three minutes for each ten thresholds."""
+    import sys
+
+    from catalog.errors import RefusedError
+    from catalog.reasons import Reason
+    from flows.cli.correct import usable_profile
+    from lab.honesty.table import all_scenes
+    from lab.sensitivity.cases import cases_of
+    from lab.sensitivity.run import sensitivity as rows_of
+    from lab.sensitivity.run import threshold_names
+    from lab.sensitivity.table import page
+
+    scenes = scene or list(SCENES)
+    for given, known in ((scenes, {row.id for row in all_scenes()}), (only or [], set(threshold_names()))):
+        if unknown := sorted(set(given) - known):
+            near = ", ".join(sorted(known)[:3])
+            raise RefusedError(Reason.PART_UNKNOWN, f"there is no {', '.join(unknown)}.", f"Known are {near}, ...")
+    settings = usable_profile(profile, None).joint
+    tell = (lambda _: None) if quiet else (lambda text: print(text, file=sys.stderr, flush=True))
+    rows = []
+    for row in rows_of(cases_of(scenes), settings, minutes, tell, only):
+        rows.append(row)
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.write_text(page(rows, scenes), encoding="utf-8")
+    print(out)

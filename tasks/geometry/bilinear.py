@@ -1,0 +1,49 @@
+"""The value of a map of the whole body between its pixels."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.compiled import compiled, compiled_reordered
+
+Array = NDArray[np.float64]
+
+
+@compiled_reordered
+def bilinear(albedo, x, y):  # type: ignore[no-untyped-def]
+    """Value at column x (wrapped) and row y (held at the poles), 0-based, of a map (rows, columns)."""
+    rows, columns = albedo.shape
+    y = min(max(y, 0.0), rows - 1.0)
+    left, top = int(np.floor(x)), int(y)
+    fx, fy = x - left, y - top
+    if left < 0 or left >= columns:
+        left %= columns
+    right, below = left + 1, min(top + 1, rows - 1)
+    if right == columns:
+        right = 0
+    upper = albedo[top, left] * (1 - fx) + albedo[top, right] * fx
+    lower = albedo[below, left] * (1 - fx) + albedo[below, right] * fx
+    return upper * (1 - fy) + lower * fy
+
+
+@compiled
+def bilinear_at(albedo, left_edge_deg, latitude_deg, longitude_deg):  # type: ignore[no-untyped-def]
+    """The same at planetocentric latitude and east longitude."""
+    rows, columns = albedo.shape
+    x = ((longitude_deg - left_edge_deg) % 360.0) * (columns / 360.0) - 0.5
+    return bilinear(albedo, x, (90.0 - latitude_deg) * (rows / 180.0) - 0.5)
+
+
+def map_values(albedo: NDArray[np.float32], left_edge_deg: float, latitude_deg: Array, longitude_deg: Array) -> Array:
+    """Values (any shape) of an equirectangular map (rows, columns), as `catalog.basemap.BaseMap` has it, at
+    planetocentric latitudes and east longitudes, degrees."""
+    latitude, longitude = np.broadcast_arrays(np.asarray(latitude_deg, np.float64), np.asarray(longitude_deg))
+    out = np.empty(latitude.size)
+    flat = (np.ascontiguousarray(a, np.float64).ravel() for a in (latitude, longitude))
+    _map_values(np.ascontiguousarray(albedo, np.float32), float(left_edge_deg), *flat, out)
+    return out.reshape(latitude.shape)
+
+
+@compiled
+def _map_values(albedo, left_edge_deg, latitude_deg, longitude_deg, out):  # type: ignore[no-untyped-def]
+    for i in range(out.size):
+        out[i] = bilinear_at(albedo, left_edge_deg, latitude_deg[i], longitude_deg[i])

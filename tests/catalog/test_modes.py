@@ -1,0 +1,207 @@
+"""Summing and windows: recognised by label or size, or given; the picture lies in the camera's frame where it was."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from astropy.io import fits
+from formats import isis_cube
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from small_vicar import vicar_file
+
+from catalog.camera import find_camera
+from catalog.errors import RefusedError
+from catalog.image_mode import FULL_FRAME, ImageMode
+from catalog.observation import Frame, Quality
+from catalog.readers import read_frame
+from catalog.readers.keywords import facts_of_keywords
+from catalog.readers.names import target_of_label, targets_of_label
+
+RNG = np.random.default_rng(4)
+SSI = "MISSION='GALILEO' SENSOR='SSI' TARGET='IO'"
+ISS = "INSTRUMENT_HOST_NAME='CASSINI ORBITER' INSTRUMENT_ID='ISSNA'"
+
+
+def picture(lines: int, samples: int) -> NDArray[Any]:
+    return RNG.integers(3, 200, (lines, samples)).astype("u1")
+
+
+def npy(folder: Path, pixels: NDArray[Any]) -> Path:
+    np.save(folder / "a.npy", pixels)
+    return folder / "a.npy"
+
+
+def lies_at(frame: Frame, pixels: NDArray[Any], x: int, y: int) -> None:
+    """The picture is at (x, y) of the frame, and all around it is OUTSIDE_WINDOW."""
+    part = (slice(y, y + pixels.shape[0]), slice(x, x + pixels.shape[1]))
+    assert np.array_equal(frame.observation.image[part], pixels)
+    outside = frame.observation.quality & Quality.OUTSIDE_WINDOW > 0
+    assert not outside[part].any()
+    assert outside.sum() == outside.size - pixels.size
+
+
+@pytest.mark.parametrize("summing", [2, 4])
+@pytest.mark.parametrize("camera", ["galileo-ssi", "cassini-nac", "voyager1-nac"])
+def test_summed_frames_are_known_by_their_size(camera: str, summing: int, tmp_path: Path) -> None:
+    nx, ny = find_camera(camera).detector_size_px
+    pixels = picture(ny // summing, nx // summing)
+    frame = read_frame(npy(tmp_path, pixels), camera=camera)
+    assert (frame.mode.summing, frame.mode.window) == (summing, None)
+    assert np.array_equal(frame.observation.image, pixels)
+    assert any("by the frame's size" in warning for warning in frame.warnings)
+
+
+@pytest.mark.parametrize(("mode", "summing"), [("SUM2", 2), ("SUM4", 4), ("FULL", 1)])
+def test_cassinis_modes_are_in_the_label(mode: str, summing: int, tmp_path: Path) -> None:
+    side = 1024 // summing
+    path = vicar_file(tmp_path / "a.img", picture(side, side), f"{ISS} INSTRUMENT_MODE_ID='{mode}'")
+    frame = read_frame(path)
+    assert frame.mode.summing == summing
+    assert frame.sources.get("mode", "INSTRUMENT_MODE_ID") == "INSTRUMENT_MODE_ID"
+    assert not any("frame's size" in warning for warning in frame.warnings)
+
+
+@pytest.mark.parametrize("telemetry", ["HIS", "AI8"])
+def test_a_summed_frame_of_galileo_in_a_corner_of_a_full_one(telemetry: str, tmp_path: Path) -> None:
+    pixels, whole = picture(400, 400), np.zeros((800, 800), "u1")
+    whole[:400, :400] = pixels
+    frame = read_frame(vicar_file(tmp_path / "a.img", whole, f"{SSI} TLMFMT='{telemetry}'"))
+    assert (frame.mode.summing, frame.sources["mode"]) == (2, "TLMFMT")
+    assert np.array_equal(frame.observation.image, pixels)
+
+
+def test_lines_that_are_missing_at_the_end(tmp_path: Path) -> None:
+    pixels = picture(430, 800)
+    frame = read_frame(npy(tmp_path, pixels), camera="galileo-ssi")
+    assert frame.mode.window == (0, 0, 800, 430)
+    lies_at(frame, pixels, 0, 0)
+    assert any("missing at the end" in warning for warning in frame.warnings)
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_a_window_is_placed_where_the_user_says(noise: bool, tmp_path: Path) -> None:
+    pixels = picture(100, 150)
+    hdus = [fits.PrimaryHDU(pixels), *([fits.ImageHDU(np.full((100, 150), 2, "f4"), name="NOISE")] if noise else [])]
+    fits.HDUList(hdus).writeto(tmp_path / "a.fits")
+    mode = ImageMode(2, (40, 60, 300, 200), "--summing and --window")
+    frame = read_frame(tmp_path / "a.fits", camera="galileo-ssi", mode=mode)
+    assert frame.observation.image.shape == (400, 400)
+    lies_at(frame, pixels, 20, 30)
+    assert np.isfinite(frame.observation.noise).all()
+    assert frame.mode == mode
+
+
+@pytest.mark.parametrize(
+    ("summing", "window", "fault"),
+    [
+        (1, (700, 0, 150, 100), "leaves 800x800"),
+        (2, (0, 0, 150, 100), "is 75x50"),
+        (2, (41, 60, 300, 200), "begins inside a pixel"),
+        (1, None, "are 800x800"),
+        (3, None, "are 266x266"),
+    ],
+)
+def test_a_mode_that_cannot_be_is_refused(summing: int, window: Any, fault: str, tmp_path: Path) -> None:
+    with pytest.raises(RefusedError, match=rf"150x100 pixels.*{fault}.*--window") as refusal:
+        read_frame(npy(tmp_path, picture(100, 150)), camera="galileo-ssi", mode=ImageMode(summing, window))
+    assert refusal.value.code == "frame-mode"
+
+
+def test_crops_and_reductions_of_isis_say_where_they_were(tmp_path: Path) -> None:
+    def alpha(x: float, y: float, wide: float, high: float, lines: int, samples: int) -> str:
+        return f"""  Group = AlphaCube
+    AlphaSamples = 800\n AlphaLines = 800
+    AlphaStartingSample = {x}\n AlphaStartingLine = {y}
+    AlphaEndingSample = {x + wide}\n AlphaEndingLine = {y + high}
+    BetaSamples = {samples}\n BetaLines = {lines}
+  End_Group"""
+
+    crop, reduced = picture(90, 120), picture(80, 266)
+    (tmp_path / "crop.cub").write_bytes(isis_cube(crop[None], None, more=alpha(100.5, 40.5, 120, 90, 90, 120)))
+    (tmp_path / "small.cub").write_bytes(isis_cube(reduced[None], None, more=alpha(0.5, 300.5, 800, 240, 80, 266)))
+    frame = read_frame(tmp_path / "crop.cub", camera="galileo-ssi")
+    assert (frame.mode.window, frame.sources["mode"]) == ((100, 40, 120, 90), "the group AlphaCube")
+    lies_at(frame, crop, 100, 40)
+    frame = read_frame(tmp_path / "small.cub", camera="galileo-ssi")
+    assert (frame.mode.summing, frame.mode.window) == (3, (0, 300, 798, 240))
+    lies_at(frame, reduced, 0, 100)
+
+
+@pytest.mark.parametrize(
+    "cards",
+    [{"LTM1_1": 0.5, "LTM2_2": 0.5, "LTV1": -19.75, "LTV2": -29.75}, {"CCDSUM": "2 2"}, {"XBINNING": 2, "YBINNING": 2}],
+)
+def test_binning_in_fits_headers(cards: dict[str, Any], tmp_path: Path) -> None:
+    """IRAF's LTM and LTV give each image pixel's place: x = LTM x_detector + LTV, both counted from 1."""
+    pixels = picture(100, 150) if "LTV1" in cards else picture(400, 400)
+    fits.PrimaryHDU(pixels, fits.Header(cards)).writeto(tmp_path / "a.fits")
+    frame = read_frame(tmp_path / "a.fits", camera="galileo-ssi")
+    assert frame.mode.summing == 2
+    lies_at(frame, pixels, *((20, 30) if "LTV1" in cards else (0, 0)))
+
+
+def test_a_full_frame_has_no_mode(tmp_path: Path) -> None:
+    frame = read_frame(npy(tmp_path, picture(800, 800)), camera="galileo-ssi")
+    assert frame.mode == FULL_FRAME
+    assert str(frame.mode) == "full frame"
+    assert frame.warnings == ()
+
+
+@given(st.integers(1, 8), st.floats(0, 799), st.floats(0, 799))
+def test_a_summed_camera_looks_where_its_detector_looks(summing: int, x: float, y: float) -> None:
+    camera = find_camera("galileo-ssi")
+    summed = camera.summed(summing)
+    there = (np.array([x, y]) + 0.5) / summing - 0.5
+    assert np.allclose(summed.ray(there), camera.ray([x, y]), atol=1e-14)
+    assert summed.size_px == (800 // summing, 800 // summing)
+    assert (summed.unsummed is None) == (summing == 1)
+
+
+@pytest.mark.parametrize(
+    ("stated", "name"),
+    [
+        ("*EUROPA*", "europa"), ("ENCELADU", "enceladus"), ("CALLIST", "callisto"), ("?", None), ("*SKY*", None),
+        ("S RINGS", "saturn"), ("S_RINGS", "saturn"), ("RINGS OF URANUS", "uranus"), ("J RINGS", "jupiter"),
+        ("N RINGS", "neptune"), ("SATURN RINGS", "saturn"),
+    ],
+)  # fmt: skip
+def test_targets_as_labels_spell_them(stated: str, name: str | None) -> None:
+    assert target_of_label(stated) == name
+    assert targets_of_label([stated, "IO"]) == (("io",) if name is None or "RINGS" in stated else (name, "io"))
+
+
+@pytest.mark.parametrize(
+    ("label", "seconds"),
+    [
+        ({"EXPOSURE_DURATION": 250.0}, 0.25),  # milliseconds, as PDS counts them
+        ({"EXPOSURE_DURATION": 2.5, "START_TIME": "2000-01-01T00:00:00", "STOP_TIME": "2000-01-01T00:00:02.5"}, 2.5),
+        ({"EXPOSURE_DURATION": [250.0, 250.0]}, 0.25),
+        ({"EXPOSURE_DURATION": "N/A"}, None),
+    ],
+)
+def test_exposures_without_a_unit(label: dict[str, Any], seconds: float | None) -> None:
+    assert facts_of_keywords(label)["exposure_s"] == seconds
+
+
+def test_each_value_says_where_it_came_from() -> None:
+    label = {
+        "INSTRUMENT_HOST_NAME": "CASSINI ORBITER", "INSTRUMENT_ID": "ISSNA", "TARGET_LIST": ["N/A", "TETHYS"],
+        "START_TIME": "2000-01-01T00:00:00", "STOP_TIME": "2000-01-01T00:00:01", "EXPOSURE_DURATION": 1000.0,
+        "FILTER_NAME": ["CL1", "IR3"], "GAIN_MODE_ID": "29 ELECTRONS PER DN", "SUMMING_MODE": 2, "FIRST_LINE": 11,
+        "FIRST_LINE_SAMPLE": 21,
+    }  # fmt: skip
+    facts = facts_of_keywords(label)
+    assert facts["sources"] == {
+        "camera": "INSTRUMENT_HOST_NAME and INSTRUMENT_ID",
+        "target": "TARGET_LIST",
+        "time": "START_TIME and STOP_TIME",
+        "exposure_s": "EXPOSURE_DURATION",
+        "filter": "FILTER_NAME",
+        "gain": "GAIN_MODE_ID",
+        "mode": "SUMMING_MODE and FIRST_LINE and FIRST_LINE_SAMPLE",
+    }
+    assert (facts["stated"].summing, facts["stated"].first) == (2, (20, 10))
+    assert (facts["targets"], facts["filter"]) == (("tethys",), "CL1/IR3")

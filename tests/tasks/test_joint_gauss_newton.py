@@ -1,0 +1,107 @@
+"""The iteration of the joint step: how long a step may be, when it is at rest, and what it is given."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from catalog.errors import FailedError
+from catalog.observation import Observation
+from lab.simulate.plant import planted
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
+from tasks.compare.match import framed_window
+from tasks.joint import JointSettings
+from tasks.joint.coarse_to_fine import prior_sigmas
+from tasks.joint.cutout import Cutout
+from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still
+from tasks.joint.parameters import NAMES, OFFSET, RANGE, State, difference
+from tasks.joint.problem import Problem
+from tasks.joint.surface import fine_surface
+from tasks.simulate.window import Window, disk_radius_px
+
+SETTINGS = JointSettings(second_start=False, oversample=2)
+LIMITS = SETTINGS.thresholds.iteration
+CAMERA = small_camera(60.0, (90, 88)).model_copy(update={"centre_px": (44.5, 43.5)})
+TRUTH = true_pose(CAMERA)
+SCENE = scene_of(CAMERA, "mixture")
+
+
+@pytest.fixture(scope="module")
+def given() -> Problem:
+    start = State(TRUTH, CAMERA.psf_sigma_px)
+    return Problem(
+        observation_of(scene_of(CAMERA), TRUTH), SCENE, start, prior_sigmas(SETTINGS.priors.file, 1e6), SETTINGS
+    )
+
+
+def test_a_step_is_shortened_to_what_the_linearisation_bears() -> None:
+    step = np.zeros(8)
+    step[OFFSET] = 6.0, 8.0
+    none = np.zeros(0)
+    assert bearable(step, none, LIMITS, 30.0) == pytest.approx(LIMITS.largest_limb_px / 10)
+    assert bearable(0.1 * step, none, LIMITS, 30.0) == 1.0
+    step[:] = 0
+    step[RANGE] = 0.2
+    assert bearable(step, none, LIMITS, 30.0) == pytest.approx(LIMITS.largest_limb_px / 6)
+    assert bearable(np.zeros(8), np.array([3.0, 0.0]), LIMITS, 30.0) == pytest.approx(0.5)
+
+
+def test_each_unknown_has_a_step_that_need_not_be_taken() -> None:
+    assert still(LIMITS).shape == loose(LIMITS).shape == (len(NAMES),)
+    assert (still(LIMITS) < loose(LIMITS)).all()
+
+
+def test_a_planted_error_is_taken_back_and_a_held_one_stays(given: Problem) -> None:
+    start = State(planted(TRUTH, CAMERA, (1.2, -0.8), 1.003, (0, 0, 0)), CAMERA.psf_sigma_px)
+    found = solve_joint(given, start)
+    left = difference(found.state, given.metadata, CAMERA)
+    print(f"{len(found.history)} steps; left {np.round(left, 4)}")
+    assert np.hypot(*left[OFFSET]) < 0.1
+    assert found.converged
+    held = solve_joint(given.with_settings(hold=("range", "attitude", "roll")), start)
+    assert difference(held.state, start, CAMERA)[RANGE] == pytest.approx(0, abs=1e-12)
+    assert held.given.held.tolist() == [False, False, True, True, True, True, True, False]
+
+
+def test_the_cost_is_least_where_the_solution_is(given: Problem) -> None:
+    found = solve_joint(given.with_free_range(), State(TRUTH, CAMERA.psf_sigma_px))
+    line = Line.of(found, found.given)
+    here = line.cost_at(found, found.state)
+    for unknown, step in ((0, 0.5), (1, -0.5), (RANGE, 0.01)):
+        away = np.zeros(8)
+        away[unknown] = step
+        assert line.cost_at(found, found.state.moved(away, CAMERA)) > here
+
+
+def test_an_image_without_usable_pixels_fails_with_its_reason(given: Problem) -> None:
+    seen = given.observation
+    nothing = Observation(np.full_like(seen.image, np.nan), seen.noise, seen.quality)
+    with pytest.raises(FailedError) as failure:
+        solve_joint(replace(given, observation=nothing), given.metadata)
+    assert failure.value.code == "no-usable-pixels"
+
+
+def test_pixels_outside_the_frame_or_unknown_are_not_usable(given: Problem) -> None:
+    image = given.observation.image.copy()
+    image[10, 12] = np.nan
+    cut = Cutout(replace(given.observation, image=image), Window(-5, -3, 40, 30))
+    assert cut.image.shape == cut.usable.shape == (33, 45)
+    assert not cut.usable[:3].any()
+    assert not cut.usable[:, :5].any()
+    assert not cut.usable[13, 17]
+    assert cut.image[13, 17] == 0
+    assert np.isfinite(cut.variance).all()
+    assert cut.hidden_share == (1.0, 0.0)
+
+
+def test_the_surface_under_the_sub_pixels_is_that_of_the_ellipsoid() -> None:
+    """Cover by the area of the disk, cosines by plain geometry at the middle of the disk."""
+    window = framed_window(SCENE, TRUTH)
+    surface = fine_surface(SCENE, TRUTH, window, 3)
+    area = surface.cover.sum() / 9
+    assert area == pytest.approx(np.pi * disk_radius_px(TRUTH, CAMERA, EUROPA) ** 2, rel=2e-3)
+    x, y = CAMERA.project(TRUTH.target_in_camera_km) - (window.x0, window.y0)
+    at = (round((y + 0.5) * 3), round((x + 0.5) * 3))
+    assert surface.mu[at] == pytest.approx(1.0, abs=2e-3)
+    assert surface.mu0[at] == pytest.approx(np.cos(np.radians(TRUTH.phase_deg)), abs=0.03)
+    assert (surface.albedo[surface.mu0 > 0] > 0).all()

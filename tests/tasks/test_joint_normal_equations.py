@@ -1,0 +1,105 @@
+"""The linear problem of the joint step, against dense least squares."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tasks.joint.normal_equations import LinearProblem, scaled_inverse, solve_linear
+from tasks.joint.settings import TileSettings
+from tasks.joint.thresholds import Thresholds
+from tasks.joint.tiles import LOCAL, layout_for, tiles_of
+
+SHAPE, RADIUS = (48, 52), 18.0
+NOISE = 0.02
+
+
+def problem(local_sigma: float = 0.3, seed: int = 1) -> tuple[LinearProblem, np.ndarray, np.ndarray]:
+    """Three columns with known values, tiles with known gains, and noise; the weights (ny, nx)."""
+    rng = np.random.default_rng(seed)
+    tiles = tiles_of(SHAPE, np.array([25.0, 23.0]), RADIUS, layout_for(RADIUS, TileSettings()))
+    y, x = np.indices(SHAPE)
+    inside = (tiles.label >= 0).astype(np.float32)
+    bright = inside * (1 + 0.3 * np.sin(x / 5.0) * np.cos(y / 7.0)).astype(np.float32)
+    columns = np.stack([bright, inside * (x - 25) / 18, np.ones(SHAPE)]).astype(np.float32)
+    local = np.stack([bright, bright * tiles.along, bright * tiles.across, 0.1 * inside]).astype(np.float32)
+    values = np.array([2.0, -0.4, 0.5])
+    own = rng.normal(0, 0.05, (tiles.count, LOCAL))
+    image = np.tensordot(values, columns, 1) + NOISE * rng.standard_normal(SHAPE)
+    for a in range(LOCAL):
+        image += np.where(tiles.label >= 0, local[a] * own[tiles.label, a], 0)
+    prior = np.full((tiles.count, LOCAL), local_sigma**-2)
+    given = LinearProblem(
+        image.astype(np.float32),
+        columns,
+        local,
+        tiles,
+        np.array([0.0, 4.0, 0.0]),
+        np.array([0.0, -0.3, 0.0]),
+        prior,
+        np.inf,
+        Thresholds(),
+    )
+    return given, values, np.full(SHAPE, NOISE**-2, np.float32)
+
+
+def dense(given: LinearProblem, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """All unknowns at once: values and covariance of the common ones."""
+    n, tiles = len(given.columns), given.tiles
+    design = np.zeros((given.image.size, n + tiles.count * LOCAL))
+    design[:, :n] = given.columns.reshape(n, -1).T
+    label = tiles.label.ravel()
+    for pixel in np.flatnonzero(label >= 0):
+        at = n + label[pixel] * LOCAL
+        design[pixel, at : at + LOCAL] = given.local.reshape(LOCAL, -1)[:, pixel]
+    prior = np.concatenate([given.prior, given.local_prior.ravel()])
+    expected = np.concatenate([given.expected, np.zeros(given.local_prior.size)])
+    normal = (design * weight.ravel()[:, None]).T @ design + np.diag(prior)
+    right = (design * weight.ravel()[:, None]).T @ given.image.ravel() + prior * expected
+    covariance = np.linalg.inv(normal)
+    return (covariance @ right)[:n], covariance[:n, :n]
+
+
+def test_eliminating_the_tiles_is_solving_for_all() -> None:
+    given, _, weight = problem()
+    fit = solve_linear(given, weight)
+    values, covariance = dense(given, weight)
+    assert fit.values == pytest.approx(values, rel=1e-4, abs=1e-5)
+    assert fit.covariance == pytest.approx(covariance, rel=1e-3, abs=1e-9)
+
+
+def test_what_was_planted_is_found_within_its_error() -> None:
+    given, values, weight = problem(0.05)
+    fit = solve_linear(replace(given, prior=np.zeros(3)), weight)
+    assert (np.abs(fit.values - values) < 4 * np.sqrt(np.diag(fit.covariance))).all()
+    assert np.sqrt(np.mean((fit.residual * np.sqrt(weight)) ** 2)) == pytest.approx(1, abs=0.1)
+
+
+def test_outliers_hardly_count() -> None:
+    given, _, weight = problem()
+    spoiled = given.image.copy()
+    spoiled.ravel()[::97] += 50 * NOISE
+    clean, robust, plain = (
+        solve_linear(replace(given, image=image, huber=huber), weight).values
+        for image, huber in ((given.image, np.inf), (spoiled, 2.5), (spoiled, np.inf))
+    )
+    assert np.linalg.norm(robust - clean) < 0.5 * np.linalg.norm(plain - clean)
+
+
+def test_more_unknowns_come_first_and_are_about_zero() -> None:
+    given, _, weight = problem()
+    y, x = np.indices(SHAPE)
+    column = ((x - y) / 30).astype(np.float32)
+    wider = given.extended(column[None], np.array([1e12]))
+    held, plain = solve_linear(wider, weight), solve_linear(given, weight)
+    assert abs(held.values[0]) < 1e-6
+    assert held.values[1:] == pytest.approx(plain.values, rel=1e-5)
+    added = replace(wider, image=given.image + 0.3 * column, prior=np.concatenate([[0.0], given.prior]))
+    assert solve_linear(added, weight).values[0] == pytest.approx(
+        0.3 + solve_linear(replace(added, image=given.image), weight).values[0], abs=1e-4
+    )
+
+
+def test_a_direction_without_information_gets_none() -> None:
+    matrix = np.diag([1e12, 1e-6, 0.0])
+    assert scaled_inverse(matrix) == pytest.approx(np.diag([1e-12, 1e6, 0.0]))
