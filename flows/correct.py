@@ -13,13 +13,13 @@ from prefect.states import Completed, Failed, State
 from flows.flow import flow_of
 from flows.one_image import Result, one_result, twins
 from flows.options import CorrectOptions
-from flows.places import note_in_index
 from flows.progress import audience
 from flows.request import Request
 from flows.requests import requests_of_files
 from flows.result import tally
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 from tasks.prefect_task import run_as_task
+from tasks.publish.places import note_in_index
 
 HEAR_CTRL_C_S = 0.5
 

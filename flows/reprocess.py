@@ -38,7 +38,7 @@ from flows.reprocessing.pool import pool
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
 from flows.reprocessing.tally import STATUSES, in_words
 from flows.runners import task_runner
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 
 TOO_MANY_FAILED = "TooManyFailed"
 LOST = "outcome-lost: its process was lost, or what it came to could not be written into the store. Run it again."

@@ -19,9 +19,9 @@ from catalog.settings import archive_folder
 from catalog.target import is_target_file
 from flows.image_options import ImageOptions
 from flows.options import CorrectOptions, ReprocessOptions
-from flows.places import place_of, usable_place_of
 from flows.request import Request
 from tasks.profile import Profile, find_profile
+from tasks.publish.places import place_of, usable_place_of
 
 logger = logging.getLogger("planetpose")
 
@@ -112,6 +112,9 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
         basemap=Path(NO_MAP) if entry.basemap == NO_MAP else here(entry.basemap),
         map_left_edge_deg=entry.map_left_edge_deg,
         flip=entry.flip,
+        plane=entry.plane,
+        summing=entry.summing,
+        window=entry.window,
         kernels=image_list.kernel_paths(entry, options.archive) or options.kernels,
         profile=profile,
         cache=options.steps_cache,

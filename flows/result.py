@@ -9,8 +9,8 @@ from catalog.plain_text import shown_path
 from flows.chain import Chain
 from flows.diagnosis import leave
 from flows.guidance import guidance_of
-from flows.verdict import PUBLISHED, doubts, rest_reached
-from tasks.boundary import reason_of, status_of
+from flows.verdict import doubts, rest_reached
+from tasks.boundary import PUBLISHED, reason_of, status_of
 from tasks.diagnose.step import OVERLAY, TRIED
 from tasks.profile import Profile
 from tasks.publish.step import stated_of
@@ -33,6 +33,9 @@ EMPTY: dict[str, Any] = {
         "held": [],
         "mask": None,
         "flip": None,
+        "plane": None,
+        "summing": None,
+        "window": None,
         "resumed_from": None,
         "overruled": [],
     },

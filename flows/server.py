@@ -22,9 +22,9 @@ from pathlib import Path
 
 from filelock import FileLock
 
+from catalog.children import our_module
 from catalog.loopback import open_url
 from catalog.settings import state_folder
-from flows.children import our_module
 from flows.reachable import ServerError, Silence, listens, said_when_it_takes_long
 
 START_TIMEOUT_S = 180.0

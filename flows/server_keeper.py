@@ -16,7 +16,7 @@ from types import FrameType
 
 from filelock import FileLock
 
-from flows.children import their_module
+from catalog.children import their_module
 from flows.server import ServerFiles, ServerRecord
 from flows.server_serve import AUTHENTICATION, serving_environment
 

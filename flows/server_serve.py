@@ -8,9 +8,9 @@ import os
 import sys
 from collections.abc import Mapping
 
+from catalog.children import their_module
 from catalog.errors import RefusedError
 from catalog.loopback import is_loopback, keep_loopback_direct
-from flows.children import their_module
 
 AUTHENTICATION = "PREFECT_SERVER_API_AUTH_STRING"
 CLIENT_AUTHENTICATION = "PREFECT_API_AUTH_STRING"

@@ -19,7 +19,7 @@ from flows.reprocessing.planning import plan_of
 from flows.reprocessing.tally import RUNS, STATUSES
 from flows.reprocessing.worker import DIGESTS
 from flows.requests import requests_of_list
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 
 Status = dict[str, Any]
 SHOWN_RUNS, SHOWN_STEPS, SHOWN_PRODUCTS = 5, 10, 20

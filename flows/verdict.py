@@ -29,7 +29,6 @@ CONSEQUENCES = (
     "psf-disagrees",
     "sun-direction-disagrees",
 )
-PUBLISHED = ("ok", "doubtful")
 
 
 def doubts(chain: Chain) -> list[str]:

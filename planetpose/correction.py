@@ -52,10 +52,10 @@ def correct(
     arguments that are none (a product's name that is no folder's name, an unknown flip).
     """
     from flows.one_image import one_result
-    from flows.places import note_in_index
     from flows.progress import Silent
     from flows.request import Request
     from tasks.profile import find_profile, profile_of
+    from tasks.publish.places import note_in_index
     from tasks.step import run
 
     class Reporter(Silent):

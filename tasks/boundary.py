@@ -10,6 +10,7 @@ from catalog.plain_text import printable
 from catalog.settings import ways_out_of
 from tasks.atomic import without_temporaries
 
+PUBLISHED = ("ok", "doubtful")  # statuses of images that have a product
 logger = logging.getLogger("planetpose")
 
 

@@ -25,9 +25,9 @@ def index(
     import json as json_module
 
     from flows.cli.output import clean_stdout
-    from flows.places import index_object_store
     from tasks.objectstore.location import is_url
     from tasks.publish.index import INDEX, open_index, rebuild_index
+    from tasks.publish.places import index_object_store
 
     with clean_stdout() as answer:
         if is_url(store):

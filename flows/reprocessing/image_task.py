@@ -22,7 +22,7 @@ from flows.reprocessing.planning import Plan
 from flows.reprocessing.pool import LostError, Message, Pool, pool
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.runners import THREADS
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 from tasks.fields import Json
 
 Job = dict[str, Any]

@@ -12,7 +12,7 @@ from flows.options import ReprocessOptions
 from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace
 from flows.request import Request
 from flows.trace import changes, known_chain, trace_of
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 from tasks.fields import Json
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
 from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_other_image

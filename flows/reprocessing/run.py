@@ -15,17 +15,17 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.spice import KernelLists
 from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.places import index_object_store, index_store, place_of
 from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.tally import RUNS, Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.request import Request
 from flows.requests import fetch_missing, listed, requests_of_list
-from flows.verdict import PUBLISHED
 from tasks.atomic import file_put_in_place, sweep_temporaries
+from tasks.boundary import PUBLISHED
 from tasks.cache import prune, sweep_cache
 from tasks.publish.origin import note_place
+from tasks.publish.places import index_object_store, index_store, place_of
 
 logger = logging.getLogger("planetpose")
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import psutil
 
-from flows.children import our_command
+from catalog.children import our_command
 from flows.reprocessing.pool import PROCESS_NAME
 
 PLANETPOSE = tuple(our_command())

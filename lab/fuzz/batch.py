@@ -17,9 +17,9 @@ from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
 from flows.run import InOrder, run_requests
-from flows.verdict import PUBLISHED
 from lab.fuzz.spoils import SPOILS, Spoilt
 from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE, write_small_archive
+from tasks.boundary import PUBLISHED
 from tasks.publish.checksums import checksum_faults
 from tasks.publish.index import open_index
 from tasks.record import Record

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from flows.children import our_module
+from catalog.children import our_module
 from lab.fuzz.batch import Ground, spoil_of
 from lab.fuzz.reader_process import ReaderProcess
 

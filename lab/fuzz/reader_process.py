@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from flows.children import our_module
+from catalog.children import our_module
 
 READER = tuple(our_module("lab.fuzz.child"))
 START_TIMEOUT_S = 300.0  # of a busy machine

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
-from flows.verdict import PUBLISHED
 from lab.paper.charts import centres_figure
 from lab.paper.corrections import corrected, method_profile, there
 from lab.paper.real_images import REAL_IMAGES
 from lab.paper.section import NO_DATA, Cell, Compared, Context, Picture, Section, Table
+from tasks.boundary import PUBLISHED
 from tasks.point.registration import REGISTRATIONS
 from tasks.profile import find_profile
 

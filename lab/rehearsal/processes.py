@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from flows.children import our_command, their_module
+from catalog.children import our_command, their_module
 from flows.server import answers, free_port
 
 START_TIMEOUT_S = 180.0

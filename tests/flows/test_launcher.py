@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from flows.children import LAUNCHER, our_command, our_module, their_module
+from catalog.children import LAUNCHER, our_command, our_module, their_module
 
 MINE = "open({!r}, 'a').write(__name__ + chr(10)); raise SystemExit('a file of the user was executed')\n"
 NAMES = ("tasks", "flows", "catalog", "lab")

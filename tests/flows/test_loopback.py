@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from catalog.children import our_command
 from catalog.loopback import (
     PROXIES,
     Proxy,
@@ -21,7 +22,6 @@ from catalog.loopback import (
     set_unusable_proxies_aside,
 )
 from flows import reachable
-from flows.children import our_command
 from flows.reachable import ServerError, check_reachable, said_when_it_takes_long
 from flows.server import answers
 

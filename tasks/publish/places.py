@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from catalog.errors import RefusedError
 from catalog.regular_file import is_folder
 from catalog.settings import cache_folder, state_folder
-from flows.verdict import PUBLISHED
+from tasks.boundary import PUBLISHED
 from tasks.objectstore.location import is_url, open_object_store
 
 if TYPE_CHECKING:
