@@ -20,7 +20,7 @@ from catalog.target import is_target_file
 from flows.image_options import ImageOptions
 from flows.options import CorrectOptions, ReprocessOptions
 from flows.request import Request
-from tasks.places import place_of, usable_place_of
+from tasks.objectstore.places import place_of, usable_place_of
 from tasks.profile import Profile, find_profile
 
 logger = logging.getLogger("planetpose")

@@ -54,7 +54,7 @@ def correct(
     from flows.one_image import one_result
     from flows.progress import Silent
     from flows.request import Request
-    from tasks.places import note_in_index
+    from tasks.objectstore.places import note_in_index
     from tasks.profile import find_profile, profile_of
     from tasks.step import run
 

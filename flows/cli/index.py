@@ -26,7 +26,7 @@ def index(
 
     from flows.cli.output import clean_stdout
     from tasks.objectstore.location import is_url
-    from tasks.places import index_object_store
+    from tasks.objectstore.places import index_object_store
     from tasks.publish.index import INDEX, open_index, rebuild_index
 
     with clean_stdout() as answer:
