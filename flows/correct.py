@@ -18,8 +18,8 @@ from flows.request import Request
 from flows.requests import requests_of_files
 from flows.result import tally
 from tasks.boundary import PUBLISHED
+from tasks.objectstore.places import note_in_index
 from tasks.prefect_task import run_as_task
-from tasks.publish.places import note_in_index
 
 HEAR_CTRL_C_S = 0.5
 

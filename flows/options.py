@@ -109,7 +109,7 @@ class ReprocessOptions(Options):
     @property
     def folder(self) -> Path:
         """The folder that products are made in: the store, or the local one before an object store."""
-        from tasks.publish.places import place_of
+        from tasks.objectstore.places import place_of
 
         return place_of(self.store).store
 

@@ -128,8 +128,8 @@ def basemap_inputs(request: Request, target: Target) -> tuple[BaseMapInputs, Pat
 
 
 def guidance_of(request: Request) -> dict[str, Any]:
-    """How the user helped or overruled the corrections, as the result has it: plain JSON, None or empty for what was not
-    used."""
+    """How the user helped or overruled the corrections, as the result has it: plain JSON, None or empty where it was
+    not used."""
     return {
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),

@@ -20,8 +20,8 @@ from catalog.target import is_target_file
 from flows.image_options import ImageOptions
 from flows.options import CorrectOptions, ReprocessOptions
 from flows.request import Request
+from tasks.objectstore.places import place_of, usable_place_of
 from tasks.profile import Profile, find_profile
-from tasks.publish.places import place_of, usable_place_of
 
 logger = logging.getLogger("planetpose")
 

@@ -54,8 +54,8 @@ def correct(
     from flows.one_image import one_result
     from flows.progress import Silent
     from flows.request import Request
+    from tasks.objectstore.places import note_in_index
     from tasks.profile import find_profile, profile_of
-    from tasks.publish.places import note_in_index
     from tasks.step import run
 
     class Reporter(Silent):

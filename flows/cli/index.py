@@ -26,8 +26,8 @@ def index(
 
     from flows.cli.output import clean_stdout
     from tasks.objectstore.location import is_url
+    from tasks.objectstore.places import index_object_store
     from tasks.publish.index import INDEX, open_index, rebuild_index
-    from tasks.publish.places import index_object_store
 
     with clean_stdout() as answer:
         if is_url(store):

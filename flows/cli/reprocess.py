@@ -29,7 +29,7 @@ def reprocess(
     from flows.progress import json_reporter, reporter
     from flows.reprocessing.tally import in_words
     from flows.run import run_reprocess
-    from tasks.publish.places import usable_place_of
+    from tasks.objectstore.places import usable_place_of
 
     with wrong_usage("--store"):
         usable_place_of(options.store)

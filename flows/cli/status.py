@@ -23,7 +23,7 @@ def status(
     """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
     from flows.cli.output import clean_stdout, write_json
     from flows.status import status_of
-    from tasks.publish.places import place_of
+    from tasks.objectstore.places import place_of
 
     with clean_stdout() as answer:
         found = status_of(place_of(store).store, plan)

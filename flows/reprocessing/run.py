@@ -24,8 +24,8 @@ from flows.requests import fetch_missing, listed, requests_of_list
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.boundary import PUBLISHED
 from tasks.cache import prune, sweep_cache
+from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.publish.origin import note_place
-from tasks.publish.places import index_object_store, index_store, place_of
 
 logger = logging.getLogger("planetpose")
 

@@ -217,7 +217,7 @@ def test_an_image_is_corrected_into_the_store_and_a_lost_copy_costs_only_the_cop
     from flows.request import Request
     from flows.result import result_of
     from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE, write_small_archive
-    from tasks.publish.places import place_of
+    from tasks.objectstore.places import place_of
 
     monkeypatch.setenv("PLANETPOSE_STATE", str(tmp_path / "state"))
     archive = write_small_archive(tmp_path / "archive", 1).parent

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from catalog.errors import RefusedError
-from tasks.publish.places import usable_place_of
+from tasks.objectstore.places import usable_place_of
 
 
 def dangling(folder: Path) -> Path:

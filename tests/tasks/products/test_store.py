@@ -224,7 +224,7 @@ def test_a_product_without_checksums_is_a_fault(store):
 
 
 def test_the_flow_brings_the_index_up_to_date_only_for_what_it_published(store):
-    from tasks.publish.places import note_in_index
+    from tasks.objectstore.places import note_in_index
 
     note_in_index(store, {"status": "refused", "cached": []})
     note_in_index(store, {"status": "ok", "cached": ["ingest", "publish"]})
