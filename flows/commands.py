@@ -166,13 +166,13 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     from tasks.photometry.files import in_json, write_photometry
     from tasks.photometry.fit import FitSettings
     from tasks.photometry.laws import LAWS
-    from tasks.photometry.regions import PhotometrySettings, read_regions
+    from tasks.photometry.regions import PhotometrySettings, held_values, read_regions
     from tasks.photometry.store import fit_store
 
     refuse_unknown("law", (options.law,), tuple(LAWS))
     selection = Selection(options.latitude, options.longitude, options.max_incidence_deg, options.max_emission_deg)
-    held = held_values(options.hold)
-    fit = FitSettings(options.calibration_percent / 100, options.units_per_if, held, options.bootstrap)
+    calibration, held = options.calibration_percent / 100, held_values(options.hold)
+    fit = FitSettings(calibration, options.units_per_if, held, options.bootstrap)
     settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
     regions = read_regions(options.regions, selection) if options.regions else ()
     results = fit_store(options.store, settings, regions)
@@ -187,18 +187,6 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     show(Row("\n".join(str(path) for path in paths)))
     for product, reason in dict(pair for result in results for pair in result.left_out).items():
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
-
-
-def held_values(given: tuple[str, ...]) -> dict[str, float]:
-    """NAME=VALUE pairs. Raises WrongOptionError for anything else."""
-    held = {}
-    for text in given:
-        name, _, value = text.partition("=")
-        try:
-            held[name.strip()] = float(value)
-        except ValueError as error:
-            raise WrongOptionError("hold", f"{text} is not NAME=VALUE.", "") from error
-    return held
 
 
 def adjust(options: AdjustOptions, show: Show) -> None:

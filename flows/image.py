@@ -9,9 +9,8 @@ from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
-from flows.guidance import is_started_elsewhere
 from flows.prediction import known_at_start, predicted_pose
-from flows.request import refuse_what_is_no_text
+from flows.request import is_started_elsewhere, refuse_what_is_no_text
 from flows.result import result_of, verdict
 from flows.verdict import doubts, reminded, settled
 from tasks.accept.acceptance import check_limb, explained, refuse_doubtful_behind

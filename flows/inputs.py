@@ -14,11 +14,11 @@ from catalog.resumed import pose_to_resume
 from catalog.spice import KernelLists, kernel_inputs
 from catalog.target import Target, find_target, known_target
 from flows.chain import Chain, Done
-from flows.guidance import guidance_of
 from flows.request import (
     Request,
     basemap_inputs,
     camera_inputs,
+    guidance_of,
     projected_target,
     target_inputs,
 )

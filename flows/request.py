@@ -40,7 +40,7 @@ class Request(ImageOptions):
     camera, target, pose_file or basemap leaves it to the file and the catalog, a basemap "none" takes none, a pose file
     "image" stands for a pose that is found in the image itself. kernels:
     files, folders or meta-kernels; None takes those of the environment. profile: its settings, or its name or file;
-    settings build on the default profile as a file's do, and what it holds stays. resume: see `flows.guidance`.
+    settings build on the default profile as a file's do, and what it holds stays. resume: see `catalog.resumed`.
     publish_to: URL of an object store that the product is copied to from `store`."""
 
     image: Path
@@ -125,3 +125,23 @@ def basemap_inputs(request: Request, target: Target) -> tuple[BaseMapInputs, Pat
     path = request.basemap or packaged_map_path(str(target.basemap))
     left_edge_deg = request.map_left_edge_deg if request.basemap else 0.0
     return BaseMapInputs(name=path.name, sha256=digest_of(path, "base map"), left_edge_deg=left_edge_deg), path
+
+
+def guidance_of(request: Request) -> dict[str, Any]:
+    """How the user helped or overruled the corrections, as the result has it: plain JSON, None or empty where it was
+    not used."""
+    return {
+        "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
+        "held": list(request.profile.hold),
+        "mask": shown_path(request.mask) if request.mask else None,
+        "flip": request.flip,
+        "plane": request.plane,
+        "summing": request.summing,
+        "window": list(request.window) if request.window else None,
+        "resumed_from": shown_path(request.resume) if request.resume else None,
+    }
+
+
+def is_started_elsewhere(request: Request) -> bool:
+    """Whether the corrections start from another pose than the predicted one."""
+    return request.start_offset_px is not None or request.resume is not None

@@ -8,7 +8,7 @@ from catalog.errors import PlanetposeError
 from catalog.plain_text import shown_path
 from flows.chain import Chain
 from flows.diagnosis import leave
-from flows.guidance import guidance_of
+from flows.request import guidance_of
 from flows.verdict import doubts, rest_reached
 from tasks.boundary import PUBLISHED, reason_of, status_of
 from tasks.diagnose.step import OVERLAY, TRIED

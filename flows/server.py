@@ -15,9 +15,10 @@ import subprocess
 import threading
 import time
 import urllib.error
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 from filelock import FileLock
@@ -167,33 +168,29 @@ def waiting_for(files: ServerFiles) -> str:
 
 def _one_that_is_starting(files: ServerFiles) -> ServerRecord | None:
     """The server that an interrupted command has started, once it answers; None when there is none, or it hangs."""
-    deadline, silence = time.monotonic() + PATIENCE_S, Silence()
-    while is_held(files.alive_lock) and time.monotonic() < deadline and not _is_silent(files, silence):
-        record = running_server(files)
-        if record:
-            return record
+    return _awaited(files, lambda: is_held(files.alive_lock), PATIENCE_S)[0]
+
+
+def _awaited(files: ServerFiles, lives: Callable[[], bool], patience_s: float) -> tuple[ServerRecord | None, bool]:
+    """The server once it answers, None when it does not in time; and whether it listens and keeps silent."""
+    deadline, silence, silent = time.monotonic() + patience_s, Silence(), False
+    while lives() and time.monotonic() < deadline and not silent:
+        if record := running_server(files):
+            return record, False
+        known = files.read()
+        silent = silence.seconds(known.url if known else None) >= SILENT_S
         time.sleep(0.1)
-    return None
-
-
-def _is_silent(files: ServerFiles, silence: Silence) -> bool:
-    record = files.read()
-    return silence.seconds(record.url if record else None) >= SILENT_S
+    return None, silent
 
 
 def _start(files: ServerFiles) -> ServerRecord:
-    began = time.monotonic()
-    fault = "did not start"
+    began, fault = time.monotonic(), "did not start"
     for _ in range(3):  # another process may take the free port before the server does
         keeper = _start_keeper(files, free_port())
-        deadline, silence, silent = time.monotonic() + START_TIMEOUT_S, Silence(), False
-        while keeper.poll() is None and time.monotonic() < deadline and not silent:
-            record = running_server(files)
-            if record:
-                return record
-            silent = _is_silent(files, silence)
-            time.sleep(0.1)
-        if keeper.poll() is None:
+        record, silent = _awaited(files, partial(_runs, keeper), START_TIMEOUT_S)
+        if record:
+            return record
+        if _runs(keeper):
             fault = f"takes connections and has not answered for {SILENT_S:.0f} s" if silent else "did not answer"
             keeper.terminate()
             break
@@ -202,6 +199,10 @@ def _start(files: ServerFiles) -> ServerRecord:
         f"the local Prefect server {fault} ({seconds:.0f} s after its start); see {files.log}. "
         "Or use --server embedded."
     )
+
+
+def _runs(process: subprocess.Popen[bytes]) -> bool:
+    return process.poll() is None
 
 
 def _start_keeper(files: ServerFiles, port: int) -> subprocess.Popen[bytes]:

@@ -2,10 +2,11 @@
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
 from tasks.export.pixels import Selection
@@ -65,3 +66,15 @@ def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
     if not found:
         raise RefusedError(Reason.REGIONS_UNREADABLE, f"{path} lists no regions.", remedy)
     return found
+
+
+def held_values(given: Sequence[str]) -> dict[str, float]:
+    """NAME=VALUE pairs. Raises WrongOptionError for anything else."""
+    held = {}
+    for text in given:
+        name, _, value = text.partition("=")
+        try:
+            held[name.strip()] = float(value)
+        except ValueError as error:
+            raise WrongOptionError("hold", f"{text} is not NAME=VALUE.", "") from error
+    return held

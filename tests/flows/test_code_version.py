@@ -160,7 +160,7 @@ def test_the_judgement_has_all_that_the_flow_of_an_image_imports_beside_the_step
     assert len(verdict_version()) == 16
     bodies = frozenset(step.module for step in STEPS) | {"tasks.registry"}
     reached = Sources(PROJECT_ROOT).reached_from("flows.image", bodies)
-    needed = {"flows.inputs", "flows.chain", "flows.request", "flows.guidance", "tasks.profile", "flows.verdict"}
+    needed = {"flows.inputs", "flows.chain", "flows.request", "tasks.profile", "flows.verdict"}
     assert needed <= reached
     assert not reached & bodies
 
