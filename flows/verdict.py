@@ -63,10 +63,8 @@ def doubts(chain: Chain) -> list[str]:
 
 def solved_psf(chain: Chain) -> float | None:
     """1-sigma width, px, of the PSF that the last correction solved for; None where none did."""
-    solved = [
-        done.result.changed.get("psf_sigma_px") for done in chain.done.values() if done.step.kind.name in CORRECTIONS
-    ]
-    return next((width for width in reversed(solved) if width), None)
+    corrections = [done.result for done in chain.done.values() if done.step.kind.name in CORRECTIONS]
+    return next((width for result in reversed(corrections) if (width := result.changed.get("psf_sigma_px"))), None)
 
 
 def code_of(doubt: str) -> str:
