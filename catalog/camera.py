@@ -125,6 +125,27 @@ class Camera(BaseModel):
         """Size (nx, ny) of the raw frame; the undistorted one's unless the camera says otherwise."""
         return self.raw_size_px or self.size_px
 
+    def summed(self, summing: int) -> "Camera":
+        """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
+
+        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays `unsummed`'s."""
+        if summing == 1:
+            return self
+        size, raw = (side and (side[0] // summing, side[1] // summing) for side in (self.size_px, self.raw_size_px))
+        x, y = ((place + 0.5) / summing - 0.5 for place in self.centre_px)
+        changes = {
+            "size_px": size,
+            "raw_size_px": raw,
+            "centre_px": (x, y),
+            "focal_length_px": self.focal_length_px / summing,
+            "pixel_pitch_mm": self.pixel_pitch_mm and self.pixel_pitch_mm * summing,
+            "psf_sigma_px": self.psf_sigma_px / summing,
+            "valid_window": None,
+            "summing": summing,
+            "unsummed": self,
+        }
+        return self.model_copy(update=changes)
+
     @classmethod
     def from_kernels(
         cls,
@@ -187,40 +208,18 @@ class Camera(BaseModel):
         NaN where the distortion model has no answer. Raises RefusedError where the camera's distortion is measured on
         the marks of each image.
         """
-        whole, xy = self.unsummed or self, (np.asarray(xy_px, dtype=np.float64) + 0.5) * self.summing - 0.5
-        return whole.ray(optics_of(whole).undistort_points(xy))
+        if self.unsummed is not None:
+            return self.unsummed.detector_ray((np.asarray(xy_px, np.float64) + 0.5) * self.summing - 0.5)
+        return self.ray(optics_of(self).undistort_points(xy_px))
 
     def detector_pixel(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Raw detector pixels (..., 2), 0-based, of camera-frame vectors (..., 3): the inverse of `detector_ray`.
 
         NaN behind the camera (Z <= 0) and where the distortion model has no answer.
         """
-        whole = self.unsummed or self
-        return (optics_of(whole).distort_points(whole.project(direction)) + 0.5) / self.summing - 0.5
-
-    def summed(self, summing: int) -> "Camera":
-        """The camera whose pixels are `summing` by `summing` of this one's; itself for 1.
-
-        Pixel x of the sum is centred on (x + 0.5) summing - 0.5 of the detector. Distortion stays `unsummed`'s."""
-        if summing == 1:
-            return self
-
-        def smaller(size: tuple[int, int] | None) -> tuple[int, int] | None:
-            return None if size is None else (size[0] // summing, size[1] // summing)
-
-        x, y = ((place + 0.5) / summing - 0.5 for place in self.centre_px)
-        changes = {
-            "size_px": smaller(self.size_px),
-            "raw_size_px": smaller(self.raw_size_px),
-            "centre_px": (x, y),
-            "focal_length_px": self.focal_length_px / summing,
-            "pixel_pitch_mm": None if self.pixel_pitch_mm is None else self.pixel_pitch_mm * summing,
-            "psf_sigma_px": self.psf_sigma_px / summing,
-            "valid_window": None,
-            "summing": summing,
-            "unsummed": self,
-        }
-        return self.model_copy(update=changes)
+        if self.unsummed is not None:
+            return np.asarray((self.unsummed.detector_pixel(direction) + 0.5) / self.summing - 0.5)
+        return optics_of(self).distort_points(self.project(direction))
 
     def project(self, direction: ArrayLike) -> NDArray[np.float64]:
         """Pixels (..., 2) of camera-frame vectors (..., 3). A vector behind the camera (Z <= 0) gives NaN."""

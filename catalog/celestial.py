@@ -63,10 +63,15 @@ def twist_fault(label: Mapping[str, Any], camera_from_j2000: Array, target: "Tar
 
 
 def orientation_of_wcs(
-    header: Mapping[str, Any], camera: "Camera", size_px: tuple[int, int], flip: Flip | None = None
+    header: Mapping[str, Any],
+    camera: "Camera",
+    size_px: tuple[int, int],
+    flip: Flip | None = None,
+    first_px: tuple[int, int] = (0, 0),
 ) -> Array | None:
     """camera_from_j2000 of a FITS header's world coordinates (RA---TAN and the like, equatorial); None where it has
-    none. size_px: of the picture as it was read; flip: how the user had it flipped.
+    none. size_px: of the picture as it was read; flip: how the user had it flipped; first_px: where its first pixel
+    lies in the camera's frame.
 
     Raises RefusedError where the coordinates do not fit the camera: a mirrored picture, or another pixel scale.
     """
@@ -75,7 +80,7 @@ def orientation_of_wcs(
     nx, ny = size_px
     places = np.array([[0.5, 0.5], [0.3, 0.4], [0.7, 0.45], [0.4, 0.7], [0.65, 0.65]]) * [nx - 1, ny - 1]
     sky = _sky_of(header, _file_places(header, places, size_px, flip))
-    rays = camera.detector_ray(places)
+    rays = camera.detector_ray(places + np.array(first_px))
     mixed = rays.T @ sky
     if np.linalg.det(_planar(rays, places)) * np.linalg.det(_planar(sky, places)) < 0:
         fault = "the header's world coordinates show the picture mirrored, as this camera's pixels go"

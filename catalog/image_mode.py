@@ -31,6 +31,12 @@ class ImageMode:
         """Lines and samples of the file's picture; None where it is the whole frame."""
         return None if self.window is None else (self.window[3] // self.summing, self.window[2] // self.summing)
 
+    @property
+    def first_px(self) -> tuple[int, int]:
+        """Where the file's first pixel lies in the whole frame, summed pixels."""
+        x0, y0 = (0, 0) if self.window is None else self.window[:2]
+        return x0 // self.summing, y0 // self.summing
+
     def __str__(self) -> str:
         parts = [f"{self.summing}x{self.summing} summed"] if self.summing > 1 else []
         if self.window is not None:
@@ -43,7 +49,7 @@ class ImageMode:
         the plane itself where the file holds the whole frame."""
         if self.window is None:
             return plane
-        x, y = (place // self.summing for place in self.window[:2])
+        x, y = self.first_px
         whole = np.full(frame_size_px[::-1], fill, plane.dtype)
         whole[y : y + plane.shape[0], x : x + plane.shape[1]] = plane
         return whole

@@ -3,8 +3,10 @@
 Conventions: the centre of the first pixel is (0.5, 0.5); focal2pixel_samples and _lines lead from millimetres of the
 focal plane to detector pixels beyond detector_center; quaternions have the scalar first and lead from J2000 to a moving
 frame, from which constant_rotation leads to the sensor's or the body's; positions are kilometres from the target's
-centre, in J2000. A detector_center of (0, 0) or outside the detector states none (ALE's drivers for Viking, LORRI and
-MVIC); a sole radial coefficient is ISIS' K1 (Galileo SSI), xu = xd (1 + K1 r^2).
+centre, in J2000. USGSCSM's own form (sensor_position, sensor_orientation) is body-fixed, in metres.
+
+A detector_center of (0, 0) or outside the detector states none (ALE's drivers for Viking, LORRI and MVIC); a sole
+radial coefficient is ISIS' K1 (Galileo SSI), xu = xd (1 + K1 r^2).
 """
 
 import re
@@ -14,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.body import Target
 from catalog.carried_tables import Positions, Rotations, matrix
 from catalog.errors import RefusedError
 from catalog.instrument_kernel import Instrument, TablePool
@@ -22,9 +25,11 @@ from catalog.kernel_frames import handedness_of
 from catalog.plain_files import read_json_file
 from catalog.pose import PartialPose
 from catalog.reasons import Reason
+from catalog.rotation import nearest_rotation
 
 Array = NDArray[np.float64]
 NEEDED = ("focal2pixel_samples", "focal2pixel_lines", "focal_length_model", "image_samples", "image_lines")
+LIGHT_KM_PER_S = 299792.458
 REMEDY = "Give an ISD of a frame camera, as ALE's isd_generate writes them."
 FAULTS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 
@@ -47,11 +52,15 @@ def content_from_isd(path: Path) -> dict[str, Any]:
         raise _invalid(path, error) from error
 
 
-def pose_from_isd(path: Path) -> PartialPose:
-    """Pose of an ISD at its center_ephemeris_time. Raises RefusedError naming the file and what is wrong or missing."""
+def pose_from_isd(path: Path, target: Target | None = None) -> PartialPose:
+    """Pose of an ISD at its center_ephemeris_time. Raises RefusedError naming the file and what is wrong or missing.
+
+    target: of ISDs whose positions are body-fixed (sensor_position, sensor_orientation: USGSCSM's own form), which its
+    rotation model brings to J2000.
+    """
     content = _read(path)
     try:
-        return _pose(path, content)
+        return _body_fixed_pose(path, content, target) if "sensor_orientation" in content else _pose(path, content)
     except FAULTS as error:
         raise _invalid(path, error) from error
 
@@ -157,10 +166,6 @@ def _distortion(given: dict[str, Any], half_mm: Array) -> dict[str, Any]:
 
 def _pose(path: Path, content: dict[str, Any]) -> PartialPose:
     et = float(content["center_ephemeris_time"])
-    if "instrument_pointing" not in content:
-        raise ValueError(
-            "it has no instrument_pointing (ISDs whose positions are body-fixed carry no attitude in space)"
-        )
     camera_from_sensor = np.array(content_from_isd(path)["camera_from_instrument"], dtype=np.float64)
     sensor = _rotations(content["instrument_pointing"]).at(et)
     spacecraft, sun = (_positions(content[name]).at(et) for name in ("instrument_position", "sun_position"))
@@ -171,6 +176,32 @@ def _pose(path: Path, content: dict[str, Any]) -> PartialPose:
         sun_from_target_km=sun,
         body_from_j2000=_rotations(content["body_rotation"]).at(et),
     )
+
+
+def _body_fixed_pose(path: Path, content: dict[str, Any], target: Target | None) -> PartialPose:
+    """Quaternions (x, y, z, scalar) lead from the sensor's frame to the body's, positions from the body's centre."""
+    from scipy.spatial.transform import Rotation
+
+    et = float(content["center_ephemeris_time"])
+    if target is None or target.rotation is None:
+        raise ValueError("its positions are body-fixed, and no target with a rotation model is known")
+    spacecraft, sun = (_body_fixed_km(content[name]) for name in ("sensor_position", "sun_position"))
+    body = target.rotation.body_from_j2000(et - float(np.linalg.norm(spacecraft)) / LIGHT_KM_PER_S)
+    quaternions = np.array(content["sensor_orientation"]["quaternions"], dtype=np.float64).reshape(-1, 4)
+    body_from_sensor = Rotation.from_quat(quaternions[len(quaternions) // 2]).as_matrix()
+    camera_from_sensor = np.array(content_from_isd(path)["camera_from_instrument"], dtype=np.float64)
+    return PartialPose(
+        et=et,
+        camera_from_j2000=nearest_rotation(camera_from_sensor @ body_from_sensor.T @ body),
+        target_from_spacecraft_km=-body.T @ spacecraft,
+        sun_from_target_km=body.T @ sun,
+        body_from_j2000=body,
+    )
+
+
+def _body_fixed_km(table: dict[str, Any]) -> Array:
+    places = np.array(table["positions"], dtype=np.float64).reshape(-1, 3)
+    return places[len(places) // 2] * (1e-3 if table.get("unit", "m") == "m" else 1.0)
 
 
 def _rotations(table: dict[str, Any]) -> Rotations:

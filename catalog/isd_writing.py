@@ -36,6 +36,7 @@ def detector_isd(camera: Camera, pose: Pose, target: Target) -> tuple[dict[str, 
     The sensor's frame is that of the focal plane. Raises RefusedError where the distortion is measured on the marks of
     each image.
     """
+    summing, size, camera = camera.summing, camera.detector_size_px, camera.unsummed or camera
     optics = optics_of(camera)
     axes = np.array(optics.plane.axes, dtype=np.float64)
     handedness = float(np.linalg.det(axes))
@@ -47,10 +48,11 @@ def detector_isd(camera: Camera, pose: Pose, target: Target) -> tuple[dict[str, 
     model, residual_px = (named, 0.0) if named else _fitted_model(optics, turn)
     focal_length = camera.focal_length_px * optics.pitch_mm
     origin = optics.plane.px(np.zeros(2))
-    sensor = _sensor(camera, camera.detector_size_px, focal_length, px_from_mm, origin, model)
+    sensor = _sensor(camera, size, focal_length, px_from_mm, origin, model)
+    sensor |= {"detector_sample_summing": summing, "detector_line_summing": summing}
     sensor_from_camera = np.eye(3)
     sensor_from_camera[:2, :2] = axes.T
-    return sensor | _geometry(pose, sensor_from_camera, target), residual_px
+    return sensor | _geometry(pose, sensor_from_camera, target), residual_px / summing
 
 
 def _sensor(

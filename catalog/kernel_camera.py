@@ -27,6 +27,7 @@ from catalog.spice import kernel_pool
 Array = NDArray[np.float64]
 UNIT_MM = {"mm": 1.0, "millimeters": 1.0, "m": 1e3, "meters": 1e3, "cm": 10.0}
 NEAR_MIDDLE_PX = 0.25
+SAME_PITCH = 5e-5  # 0.03 px at the edge of a frame of 1024 pixels
 NEARLY_SQUARE = 1.01  # pixels whose sides differ by less (Dawn FC: 1.0006) make an undistorted frame of the same size
 CENTRES = ("CCD_CENTER", "CENTER", "FOV_CENTER_PIXEL")
 SIZES = (("FILTER", True), ("PIXEL", False), ("FRAME", False))
@@ -98,7 +99,11 @@ def content_of(
         **({"focal_length_mm_by_temperature": by_temperature} if by_temperature else {}),
         **({"filters": filters} if filters else {}),
         **frames.content(),
-        "sources": (*kernel.sources(), *(f"not used: {keyword}" for keyword in left_out)),
+        "sources": (
+            *kernel.sources(),
+            *_other_pitches(kernel, np.hypot(*mm_from_px)),
+            *(f"not used: {keyword}" for keyword in left_out),
+        ),
         "tried": "made from kernels; not tried on images by this program",
     }
     sigma = kernel.number("FL_UNCERTAINTY")
@@ -238,6 +243,22 @@ def _pitches(kernel: Instrument) -> Array:
             return sides * scale
     fault = kernel.fault("no loaded kernel gives its pixels' size (PIXEL_PITCH or TRANSX)")
     raise RefusedError(Reason.INSTRUMENT_INCOMPLETE, fault, INSTRUMENT_REMEDY)
+
+
+def _other_pitches(kernel: Instrument, sides: Array) -> list[str]:
+    """What OOC_KMAT or PIXEL_SIZE say otherwise than the affine of the focal plane, which counts."""
+    found = []
+    for keyword in ("OOC_KMAT", "PIXEL_SIZE"):
+        values = kernel.pool.numbers(f"INS{kernel.naif_id}_{keyword}")
+        if not values or min(values[0], values[-1]) <= 0:
+            continue
+        other = np.array([values[0], values[-1]])
+        other = 1.0 / other if keyword == "OOC_KMAT" else other
+        scale = next((s for s in (1.0, 1e-3, 1e3) if PITCHES_MM[0] <= other[0] * s <= PITCHES_MM[1]), 1.0)
+        if np.abs(other * scale / sides - 1).max() > SAME_PITCH:
+            used, there = (" x ".join(f"{side:.7g}" for side in each) for each in (sides, other * scale))
+            found.append(f"contradiction: pixels of {used} mm are used, {keyword} has {there} mm")
+    return found
 
 
 def _origin(kernel: Instrument, size: tuple[int, int]) -> tuple[Array, float]:

@@ -135,6 +135,9 @@ def guidance_of(request: Request) -> dict[str, Any]:
         "held": list(request.profile.hold),
         "mask": shown_path(request.mask) if request.mask else None,
         "flip": request.flip,
+        "plane": request.plane,
+        "summing": request.summing,
+        "window": list(request.window) if request.window else None,
         "resumed_from": shown_path(request.resume) if request.resume else None,
     }
 

@@ -39,6 +39,7 @@ class SourcePriors(BaseModel):
     label: PriorSettings = PriorSettings(range_km=50.0)
     isd: PriorSettings = PriorSettings()
     tables: PriorSettings = PriorSettings()
+    pds4: PriorSettings = PriorSettings(range_km=50.0, roll_deg=0.3)
     wcs: PriorSettings = PriorSettings(roll_deg=0.3)
     twist: PriorSettings = PriorSettings(roll_deg=0.3)
     file: PriorSettings = PriorSettings(range_km=None, range_share=0.02, attitude_deg=3.0)

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from catalog.flips import Flip
+from catalog.image_mode import Window
 from catalog.lists.kernel_sets import expanded
 from catalog.lists.location import Location, parse_location
 from catalog.safe_name import safe_product_name
@@ -21,9 +22,9 @@ class ImageEntry(BaseModel):
     to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: names, or TOML
     files; None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
     user's own. pose_file, truth_file: pose files, as paths; a pose file "image" stands for a pose found in the image.
-    basemap: a location, or "none"; None takes the catalog's.
-    flip: how the picture is mirrored or turned. utc: middle of the exposure. sha256, label_sha256, bytes: of the files
-    themselves. truth: what a simulation planted, by name. notes: for people.
+    basemap: a location, or "none"; None takes the catalog's. flip: how the picture is mirrored or turned. plane,
+    summing, window: as the options of `planetpose correct`. utc: middle of the exposure. sha256, label_sha256, bytes:
+    of the files themselves. truth: what a simulation planted, by name. notes: for people.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", str_strip_whitespace=True)
@@ -41,6 +42,9 @@ class ImageEntry(BaseModel):
     basemap: str | None = None
     map_left_edge_deg: float = Field(default=0.0, ge=-360, le=360)
     flip: Flip | None = None
+    plane: str | None = None
+    summing: int | None = Field(default=None, ge=1)
+    window: Window | None = None
     truth_file: str | None = None
     sha256: str | None = Field(default=None, pattern=SHA256)
     label_sha256: str | None = Field(default=None, pattern=SHA256)

@@ -143,7 +143,8 @@ def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observa
     if saturation is not None:
         quality[image >= saturation] |= np.uint16(Quality.SATURATED)
     usable = int(np.count_nonzero((quality & UNUSABLE) == 0))
-    if usable < min(MIN_USABLE_PX, image.size / 2):
+    inside = image.size - int(np.count_nonzero(quality & np.uint16(Quality.OUTSIDE_WINDOW)))
+    if usable < max(min(MIN_USABLE_PX, inside / 2), 1):
         fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
         raise RefusedError(
             Reason.NO_USABLE_PIXELS,

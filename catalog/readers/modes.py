@@ -4,8 +4,10 @@ The picture is put into the camera's whole frame, at its window's place, with th
 step sees one frame size, the camera's, or that of the camera summed (`Camera.summed`).
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +15,13 @@ from catalog.camera import Camera
 from catalog.errors import RefusedError
 from catalog.image_mode import FULL_FRAME, ImageMode, Window
 from catalog.observation import Quality
+from catalog.readers.label_values import number
 from catalog.readers.reading import Reading
 from catalog.readers.stated_mode import MAX_SUMMING
 from catalog.reasons import Reason
 
 SAY_WHICH = "Say which part of the detector it shows: --window X0,Y0,WIDTH,HEIGHT in detector pixels from 0"
+OBLONG = 0.02  # relative: scales in labels are rounded
 BY_SIZE = "the frame's size"
 
 
@@ -41,7 +45,7 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     if stated.first is not None:
         window = (*stated.first, samples * summing, lines * summing)
         return _checked(path, ImageMode(summing, window, stated.source), size, full)
-    for summing in (stated.summing,) if stated.summing else (1, 2, 4):
+    for summing in () if has_oblong_pixels(reading.label) else (stated.summing,) if stated.summing else (1, 2, 4):
         if samples == full[0] // summing and lines < full[1] // summing:
             return ImageMode(summing, (0, 0, samples * summing, lines * summing), BY_SIZE)
     allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((full, camera.size_px)))
@@ -50,6 +54,14 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
         f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
         f"{reminder}{SAY_WHICH} (and --summing 2 where its pixels are summed), or give the --camera that took it.",
     )
+
+
+def has_oblong_pixels(label: Mapping[str, Any]) -> bool:
+    """Whether the label gives pixels that are not square, as frames have whose lines were not stretched yet (NEAR MSI):
+    fewer lines than the camera's are then not missing."""
+    scales = [number(label, f"{side}_PIXEL_{what}") for what in ("SCALE", "FOV") for side in ("HORIZONTAL", "VERTICAL")]
+    pairs = [(x, y) for x, y in (scales[:2], scales[2:]) if x and y]
+    return any(abs(x / y - 1) > OBLONG for x, y in pairs)
 
 
 def remarks_of_mode(mode: ImageMode, reading: Reading) -> tuple[str, ...]:
@@ -74,7 +86,7 @@ def in_whole_frame(reading: Reading, mode: ImageMode, camera: Camera) -> Reading
     quality = np.zeros(shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
     geometry = reading.label_geometry
     if geometry is not None:
-        x0, y0 = (place / mode.summing for place in mode.window[:2])
+        x0, y0 = mode.first_px
         geometry = {
             **geometry,
             "centre_x_px": geometry["centre_x_px"] + x0,

@@ -18,6 +18,8 @@ HOST_KEYS = (
     "HOSTNAME",
     "TELESCOP",
 )
+NAIF_KEYS = ("NAIFID", "NAIF_INSTRUMENT_ID", "NAIF_IK_CODE")
+NAIF = "NAIF "  # in front of an instrument's id, among the names
 INSTRUMENT_KEYS = ("INSTRUMENT_ID", "INSTRUMENT_NAME", "SENSOR", "INSTRUME", "INSTRU")
 SHORTEST_CUT_OFF = 6  # characters: labels have room for 8 to 12
 RINGS = re.compile(r"(?:([jsun])|(.+?))[ _-]*rings?|rings?[ _]of[ _](.+)")
@@ -42,12 +44,14 @@ NO_TARGET = {
 
 
 def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
-    """Every upper-case "HOST/INSTRUMENT" that the label's keywords make (`HOST_KEYS` by `INSTRUMENT_KEYS`)."""
+    """Every upper-case "HOST/INSTRUMENT" that the label's keywords make (`HOST_KEYS` by `INSTRUMENT_KEYS`), and the
+    instrument's id of NAIF."""
     hosts, instruments = (
         [str(label[key]).strip().upper() for key in keys if isinstance(label.get(key), str) and label[key].strip()]
         for keys in (HOST_KEYS, INSTRUMENT_KEYS)
     )
-    return tuple(dict.fromkeys(f"{host}/{instrument}" for host, instrument in product(hosts, instruments)))
+    ids = [f"{NAIF}{label[key]}" for key in NAIF_KEYS if type(label.get(key)) is int]
+    return tuple(dict.fromkeys([*(f"{host}/{instrument}" for host, instrument in product(hosts, instruments)), *ids]))
 
 
 def camera_of_names(names: Iterable[str]) -> str | None:
@@ -55,7 +59,10 @@ def camera_of_names(names: Iterable[str]) -> str | None:
     underscores count as one blank."""
     found = {_normal(name) for name in names}
     for camera in known_cameras().values():
-        if found & {_normal(name) for name in camera.label_names}:
+        names_of_camera = {_normal(name) for name in camera.label_names}
+        if camera.naif_instrument_id is not None:
+            names_of_camera.add(_normal(f"{NAIF}{camera.naif_instrument_id}"))
+        if found & names_of_camera:
             return camera.name
     return None
 

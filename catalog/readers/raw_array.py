@@ -15,6 +15,8 @@ from catalog.readers.reading import MAX_PIXELS, bytes_at, checked_shape, unreada
 
 Order = Literal["band", "line", "sample"]
 MAX_BANDS = 10_000
+DISK_BLOCK_BYTES = 512
+END_OF_LINE = (b"\n", b"\r", b"\x1a")  # what editors and transfers add to a file
 VAX_KINDS = {"vax-f": 4, "vax-d": 8}  # numbers that numpy does not know
 
 
@@ -144,10 +146,14 @@ def check_end(path: Path, end: int, record_bytes: int = 1, known_bytes: int | No
     A file of the size in the label is sound, also with one byte more (an end of line that was added), and so is one
     that ends with its last thing, at a disk block, or after whole records.
     """
-    size, block = path.stat().st_size, 512
-    if known_bytes is not None and end <= known_bytes <= size <= known_bytes + 1:
-        return
-    beyond = size - end
-    if beyond in (0, 1) or (beyond > 1 and (size % block == 0 or (record_bytes > 1 and beyond % record_bytes == 0))):
+    size = path.stat().st_size
+    added = size > end and bytes_at(path, size - 1, 1, "its end") in END_OF_LINE
+    if any(_is_sound(whole, end, record_bytes, known_bytes) for whole in (size, size - added)):
         return
     raise unreadable(path, f"what its label places should end at byte {end} of {size}: bytes were lost or put in")
+
+
+def _is_sound(size: int, end: int, record_bytes: int, known_bytes: int | None) -> bool:
+    beyond = size - end
+    whole_records = record_bytes > 1 and beyond % record_bytes == 0
+    return beyond == 0 or (beyond > 0 and (size == known_bytes or size % DISK_BLOCK_BYTES == 0 or whole_records))

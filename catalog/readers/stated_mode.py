@@ -11,7 +11,7 @@ from catalog.readers.label_values import items, number
 
 SUMMINGS = (
     "SUMMING", "BINNING", "SUMMING_MODE", "BINNING_MODE", "MACROPIXEL_SIZE", "PIXEL_AVERAGING_WIDTH", "XBINNING",
-    "XBIN", "CCDSUM", "PIXEL_AVERAGING",
+    "XBIN", "CCDSUM", "PIXEL_AVERAGING", "NPIXBIN",
 )  # fmt: skip
 MODE_WORD = re.compile(r"\b(?:SUM|BIN)_?(\d{1,2})\b")  # SUM2 and SUM4 of Cassini
 SQUARE = re.compile(r"^\s*(\d{1,2})\s*[xX]\s*\1\s*$")

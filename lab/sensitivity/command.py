@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-# Small disks of four laws, phases and lenses, with good and rough metadata.
-SCENES = ("laws-032", "laws-075", "laws-104", "laws-140")
+# Small disks of three laws, phases and lenses, with good and rough metadata.
+SCENES = ("laws-032", "laws-104", "laws-140")
 
 
 def register(app: typer.Typer) -> None:

@@ -22,7 +22,7 @@ from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
 from catalog.target import Target
 from catalog.times import utc_from_et
-from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
+from tasks.ingest.carried import orientation_of_header, parts_of_pds4, parts_of_pose_file, parts_of_tables
 
 # Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
 SAME_EXPOSURE_S = 60.0
@@ -32,9 +32,10 @@ SAME_EXPOSURE_S = 60.0
 class InitialPose:
     """pose: the complete predicted pose. source: where the camera's orientation came from (file, spice, label).
 
-    sources: the same for each part (also `isd`; `tables` of an ISIS cube; `wcs` and `twist`, orientations of headers
-    and labels; `catalog`: rotation model of the target file). missing: what SPICE could not give, in words. kernels:
-    name and sha256 of what was furnished. evidence: range_km by each source that has one.
+    sources: the same for each part (also `isd`; `tables` of an ISIS cube; `pds4`, geometry of its label; `wcs` and
+    `twist`, orientations of headers and labels; `catalog`: rotation model of the target file). missing: what SPICE
+    could not give, in words. kernels: name and sha256 of what was furnished. evidence: range_km by each source that
+    has one.
     """
 
     pose: Pose
@@ -56,11 +57,12 @@ def initial_pose(
     """Predicted pose of `frame` at mid-exposure.
 
     Precedence of each part: pose file or ISD, SPICE where `kernels` (files or folders) cover it, the tables of an ISIS
-    cube, label. The pose file's time overrides the label's. flip: how the user had the picture flipped.
+    cube, label, geometry of a PDS4 label, header. The pose file's time overrides the label's. flip: how the user had
+    the picture flipped.
 
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
-    kind, from_file = parts_of_pose_file(pose_file)
+    kind, from_file = parts_of_pose_file(pose_file, target)
     if kind == "isd":
         _refuse_other_exposure(frame, from_file, pose_file)
     et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
@@ -75,13 +77,15 @@ def initial_pose(
     from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
     tables, table_faults = parts_of_tables(frame, et)
     header, header_source, header_faults = orientation_of_header(frame, camera, target, et, flip)
-    label_faults += table_faults + header_faults
-    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, tables, from_label))
+    pds4, pds4_faults = parts_of_pds4(frame, camera, flip)
+    label_faults += table_faults + pds4_faults + header_faults
+    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, tables, from_label, pds4))
     known_elsewhere = [part.camera_from_j2000 is not None for part in (from_file, spice.parts, tables)]
     relative_label = is_relative and not any(known_elsewhere)
     # Only the Sun does not hang on how the label has the target, and SPICE knows it better than the label's digits.
     from_spice = PartialPose(sun_from_target_km=spice.parts.sun_from_target_km) if relative_label else spice.parts
-    ranked = {kind: from_file, "spice": from_spice, "tables": tables, "label": from_label, header_source: header}
+    ranked = {kind: from_file, "spice": from_spice, "tables": tables, "label": from_label, "pds4": pds4}
+    ranked[header_source] = header
     parts, sources = _best_parts(ranked)
     parts = replace(parts, et=et)
     if sources.get("target_from_spacecraft_km") == "label":  # its own velocities, or SPICE's, serve as well

@@ -32,13 +32,12 @@ class LimbSearchSettings(BaseModel):
 
 class MapSearchSettings(BaseModel):
     """The global search over sub-spacecraft point and north azimuth. step_deg: of the grid of orientations.
-    diameter_px: of the disk at whose resolution the grid is searched. followed: best orientations of the grid that
-    are moved uphill, kept: those of them that are refined, and refined_kept: those of them compared at full
-    resolution. least_radius_px: on smaller disks markings are not looked for. distinct_deg: orientations farther
-    apart than this are different ones. sigmas: evidence of the best orientation, as sigmas, and times_next: how
-    many times that of the next distinct one it must be, beside a constant of 16 (squares of sigmas), as of every
-    test of markings. sigma_deg: 1-sigma about each axis of an orientation so found, from which the corrections
-    start."""
+    diameter_px: of the disk at whose resolution the grid is searched. followed: best orientations of the grid that are
+    moved uphill, kept: those of them that are refined, and refined_kept: those of these compared at full resolution.
+    least_radius_px: on smaller disks markings are not looked for. distinct_deg: orientations farther apart than this
+    are different ones. sigmas: evidence of the best orientation, as sigmas, and times_next: how many times that of the
+    next distinct one it must be, beside a constant of 16 (squares of sigmas), as of every test of markings. sigma_deg:
+    1-sigma about each axis of an orientation so found, from which the corrections start."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     step_deg: float = Field(6.0, gt=0, le=20)

@@ -36,17 +36,17 @@ class Bending:
     moved_px: float = 0.0
 
 
-def bending_shown(solution: Solution, scale: Level, planes: Planes, least_px: float | None) -> Bending:
+def bending_shown(solution: Solution, level: Level, planes: Planes, least_px: float | None) -> Bending:
     """Strength of the bending from the solution's last linear problem, with the marks' as a prior of 1-sigma.
 
-    scale: the solution's. planes: (2, ny, nx) as in `DistortionError`. least_px: smaller displacements (RMS over the
+    level: the solution's. planes: (2, ny, nx) as in `DistortionError`. least_px: smaller displacements (RMS over the
     disk) are left alone; None: all. All pixels are the image's.
     """
     limits = solution.given.thresholds.contradiction
-    along = _over_window(solution, scale.planes_down(planes))
+    along = _over_window(solution, level.planes_down(planes))
     column = _column(solution, along)
-    response = scale.step_up(response_to(solution, column))
-    per_sigma_px = scale.n * _rms_on_disk(solution, along)
+    response = level.step_up(response_to(solution, column))
+    per_sigma_px = level.n * _rms_on_disk(solution, along)
     # A held centre that is a little off would be taken for bending, too.
     if least_px is None or per_sigma_px <= 0 or solution.held[OFFSET].any():
         return Bending(response)

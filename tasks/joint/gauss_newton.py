@@ -24,7 +24,8 @@ from tasks.simulate.window import Window, disk_radius_px
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-# Shares of a step that are tried, one after the other, until the cost falls.
+# Shares of a step that are tried, one after the other, until the cost falls. Where none lowers it the state is a
+# minimum as far as the sampling shows, unless the last of them is larger than error and loose step.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Inverse variance of what is held.
 FIXED = 1e30
@@ -86,7 +87,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
             break
         found = line.lower(model, step, lengthened, fit)
         if found is None:
-            converged = bool((limits.neglected * np.abs(step) < np.maximum(error, loose(limits))).all())
+            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, loose(limits))).all())
             break
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]

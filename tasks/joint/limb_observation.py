@@ -38,7 +38,7 @@ class LimbObservation:
         return replace(self, step=self.step - moved[OBSERVED])
 
 
-def shown_by(solution: Solution, scale: Level, moved: Array) -> tuple[LimbObservation, float]:
+def shown_by(solution: Solution, level: Level, moved: Array) -> tuple[LimbObservation, float]:
     """What the limb asks of the solution by the solution's own picture, without the tiles that may hide it: a quick
     look that renders nothing. With it how far (px, RMS) the limb of a state lies that is `moved` (8,) from it."""
     model, fit, problem = solution.model, solution.fit, solution.problem
@@ -47,30 +47,30 @@ def shown_by(solution: Solution, scale: Level, moved: Array) -> tuple[LimbObserv
     lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
     shading = model.bases[: len(model.bases) - model.hides]
     drawn = Simulation(model.window, model.oversample, psf, model.bases, shading, model.coverage, lit, model.hides)
-    match = Match(problem.image, fit.weight, drawn, solution.state.pose, scale.scene, solution.data.clear)
+    match = Match(problem.image, fit.weight, drawn, solution.state.pose, level.scene, solution.data.clear)
     edges = edges_between(match, picture, EDGES)
-    centre = scale.scene.camera.project(solution.state.pose.target_in_camera_km)
-    unit = np.array([scale.n, scale.n, 1.0])
+    centre = level.scene.camera.project(solution.state.pose.target_in_camera_km)
+    unit = np.array([level.n, level.n, 1.0])
     left = edges.across_px - design_of(edges, centre) @ (moved[OBSERVED] / unit)
     along = np.where(edges.segments.horizontal, edges.segments.normal[:, 0], edges.segments.normal[:, 1])
-    return in_image(observation_of_edges(edges, centre), scale), scale.n * float(np.sqrt(np.mean((left / along) ** 2)))
+    return in_image(observation_of_edges(edges, centre), level), level.n * float(np.sqrt(np.mean((left / along) ** 2)))
 
 
-def in_image(found: LimbObservation, scale: Level) -> LimbObservation:
-    """What was found at a scale, in pixels of the image."""
-    unit = np.array([scale.n, scale.n, 1.0])
+def in_image(found: LimbObservation, level: Level) -> LimbObservation:
+    """What was found at a level, in pixels of the image."""
+    unit = np.array([level.n, level.n, 1.0])
     covariance = found.covariance * np.outer(unit, unit)
     return LimbObservation(
-        unit * found.step, covariance, scale.n * found.rms_px, scale.n * found.coherent_px, found.independent
+        unit * found.step, covariance, level.n * found.rms_px, level.n * found.coherent_px, found.independent
     )
 
 
-def limb_observation(scale: Level, state: State, sky_px: float) -> LimbObservation:
+def limb_observation(level: Level, state: State, sky_px: float) -> LimbObservation:
     """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
-    scene = scale.scene
+    scene = level.scene
     window = framed_window(scene, state.pose, margin_px=sky_px)
-    edges = measure_limb(match_scene(scale.observation, scene, state.pose, window), EDGES)
-    return in_image(observation_of_edges(edges, scene.camera.project(state.pose.target_in_camera_km)), scale)
+    edges = measure_limb(match_scene(level.observation, scene, state.pose, window), EDGES)
+    return in_image(observation_of_edges(edges, scene.camera.project(state.pose.target_in_camera_km)), level)
 
 
 def observation_of_edges(edges: LimbEdges, centre_px: Array) -> LimbObservation:

@@ -40,11 +40,6 @@ class IterationThresholds(BaseModel):
     at_rest: float = _threshold(
         0.3, "Steps of this share of their own error, 1-sigma, move nothing that matters: they add 4 % to it."
     )
-    neglected: float = _threshold(
-        0.03,
-        "Where no share of a step lowers the cost, this share of it is compared with error and loose step: it is the "
-        "shortest share that is tried.",
-    )
     stale_px: float = _threshold(
         0.7,
         "Tiles lie still while the limb moves under them by no more, px: the cost jumps where pixels change tiles. "

@@ -92,14 +92,18 @@ def best_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks | N
         return settings.with_marks
     if seen.bending is None:
         return "thin-plate"
-    reports = {method: fitted_to_frame(method, seen, camera, settings.degree).report for method in OF_A_FRAME}
+    sizes = (camera.detector_size_px, camera.size_px)
+    reports = {method: fitted_to_frame(method, seen, sizes, settings.degree).report for method in OF_A_FRAME}
     return min(reports, key=lambda method: reports[method].robust_leave_one_out_px)
 
 
 @lru_cache(maxsize=4)
-def fitted_to_frame(method: str, seen: SeenMarks, camera: Camera, degree: int | None) -> FittedModel:
-    """The method fitted to a frame's own marks; the last few are remembered. Raises RefusedError as `fit_model`."""
-    marks = marks_of_frame(seen.marks, camera.detector_size_px, camera.size_px)
+def fitted_to_frame(
+    method: str, seen: SeenMarks, sizes_px: tuple[tuple[int, int], tuple[int, int]], degree: int | None
+) -> FittedModel:
+    """The method fitted to a frame's own marks; the last few are remembered. sizes_px: of the camera's detector and of
+    its undistorted frame. Raises RefusedError as `fit_model`."""
+    marks = marks_of_frame(seen.marks, *sizes_px)
     return fit_model(method, marks, degree, seen.bending)
 
 
@@ -121,7 +125,7 @@ def _fitted(
         counts = {"marks_found": seen.count, "marks_expected": len(seen.marks.found)}
         evidence |= counts | {"marks_by_state": seen.marks.counts()}
     if seen is not None and uses_found_marks(settings, seen):
-        model = fitted_to_frame(method, seen, camera, settings.degree)
+        model = fitted_to_frame(method, seen, (camera.detector_size_px, camera.size_px), settings.degree)
         return model, {**evidence, "marks": "found", **_quality(model)}
     if settings.marks == "found":
         raise RefusedError(

@@ -160,6 +160,14 @@ def test_keywords_that_go_into_no_model_are_named(tmp_path: Path) -> None:
     assert any("INS-77700_FOCAL_LENGTH" in source and "test.ti" in source for source in sources)
 
 
+def test_a_pixels_size_that_contradicts_the_affine_is_named(tmp_path: Path) -> None:
+    """Dawn FC: 14.0088 x 14 micrometres by ISIS' addendum, 14.004 x 13.995 by the IK."""
+    dawn = {"TRANSX": "(0 0.0140088 0)", "TRANSY": "(0 0 0.014)", "PIXEL_SIZE": "(14.004 13.995)"}
+    assert any("0.014004 x 0.013995" in source for source in made(tmp_path, dawn).sources)
+    same = {"TRANSX": "(0 0.014 0)", "TRANSY": "(0 0 0.014)", "PIXEL_SIZE": "14"}
+    assert not any("contradiction" in source for source in made(tmp_path, same).sources)
+
+
 def test_a_framelet_is_a_part_of_the_detector(tmp_path: Path) -> None:
     """JunoCam's offset counts lines from 1; CaSSIS has a boresight line in the middle of each filter."""
     offset = "INS-77704_FILTER_SAMPLES = 1024\nINS-77704_FILTER_LINES = 128\nINS-77704_FILTER_OFFSET = 285"

@@ -47,11 +47,11 @@ def names(app: typer.Typer) -> set[str]:
 def test_every_command_of_lab_is_installed() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = set(project["entry-points"][GROUP])
-    assert wanted >= {"simulate", "evaluate", "paper", "benchmark"}
+    assert wanted >= {"simulate", "evaluate", "paper", "benchmark", "sensitivity"}
     assert wanted <= names(build_app()), "reinstall with `make install`: the entry points changed"
 
 
-@pytest.mark.parametrize("command", ["simulate", "evaluate", "paper", "benchmark", "demo"])
+@pytest.mark.parametrize("command", ["simulate", "evaluate", "paper", "benchmark", "demo", "sensitivity"])
 def test_commands_of_lab_have_help(command: str) -> None:
     done = CliRunner().invoke(build_app(), [command, "--help"])
     assert done.exit_code == 0

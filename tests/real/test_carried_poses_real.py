@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
@@ -83,6 +84,30 @@ def test_an_isd_is_a_pose_file_and_says_so(data_folder: Path) -> None:
     source, parts = parts_of_pose_file(path)
     assert source == "isd"
     assert parts.missing() == []
+
+
+def test_an_isd_in_body_fixed_metres_gives_the_same_pose(data_folder: Path, tmp_path: Path) -> None:
+    """USGSCSM's own form, made here from ALE's of Io: quaternions (x, y, z, scalar) from sensor to body."""
+    path, io = data_folder / "isd/E6I0032/galileossi_isd.json", find_target("io")
+    pose = pose_from_isd(path).completed()
+    body = io.rotation.body_from_j2000(pose.et - pose.range_km / 299792.458)  # type: ignore[union-attr]
+    content = json.loads(path.read_text())
+    for name in ("instrument_pointing", "instrument_position", "body_rotation"):
+        del content[name]
+    spacecraft, sun = body @ -pose.target_from_spacecraft_km, body @ pose.sun_from_target_km
+    quaternion = Rotation.from_matrix(body @ pose.camera_from_j2000.T).as_quat()
+    content["sensor_position"] = {"positions": [(spacecraft * 1e3).tolist()], "unit": "m"}
+    content["sun_position"] = {"positions": [(sun * 1e3).tolist()], "unit": "m"}
+    content["sensor_orientation"] = {"quaternions": [quaternion.tolist()]}
+    file = tmp_path / "isd.json"
+    file.write_text(json.dumps(content))
+    found = pose_from_isd(file, io).completed()
+    assert apart_deg(found.camera_from_j2000, pose.camera_from_j2000) < 1e-9
+    assert apart_deg(found.body_from_j2000, pose.body_from_j2000) < 0.01  # ALE: pck00009
+    assert found.target_from_spacecraft_km == pytest.approx(pose.target_from_spacecraft_km, rel=1e-12)
+    assert found.sun_from_target_km == pytest.approx(pose.sun_from_target_km, rel=1e-12)
+    with pytest.raises(RefusedError, match="body-fixed"):
+        pose_from_isd(file)
 
 
 def test_the_isd_of_another_image_is_refused(data_folder: Path) -> None:

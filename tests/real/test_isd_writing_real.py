@@ -76,3 +76,18 @@ def test_the_undistorted_frame_is_an_exact_pinhole(data_folder: Path) -> None:
     centre = np.array([content["detector_center"]["sample"], content["detector_center"]["line"]])
     rays = csm_directions(content, pixels + 0.5 - centre, content["focal_length_model"]["focal_length"], True)
     assert rays == pytest.approx(camera.ray(pixels), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", ["cassini-nac", "near-msi", "dawn-fc2"])
+def test_the_isd_of_a_summed_camera_says_its_summing(name: str, tmp_path: Path, data_folder: Path) -> None:
+    camera = known_cameras()[name].summed(2)
+    pose = pose_from_isd(data_folder / "isd/E6I0032/galileossi_isd.json").completed()
+    content, _ = detector_isd(camera, pose, EUROPA)
+    assert content["detector_sample_summing"] == content["detector_line_summing"] == 2
+    file = tmp_path / "isd.json"
+    file.write_text(json.dumps(content))
+    pixels = np.random.default_rng(8).uniform(0, 1, (60, 2)) * (np.array(camera.detector_size_px) - 1)
+    read, again = Camera.from_isd(file).summed(2), pose_from_isd(file).completed()
+    seen = read.detector_ray(pixels) @ again.camera_from_j2000
+    apart = np.linalg.norm(seen - camera.detector_ray(pixels) @ pose.camera_from_j2000, axis=1)
+    assert apart.max() * camera.focal_length_px < 0.01

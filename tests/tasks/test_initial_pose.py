@@ -14,6 +14,7 @@ from catalog.pose import PartialPose, Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
 from tasks.ingest.pose import initial_pose
+from tasks.priors import SourcePriors
 
 ET = 6.0e8
 CAMERA = find_camera("cassini-nac")
@@ -139,3 +140,32 @@ def test_faulty_label_geometry_does_not_stop_a_complete_pose_file(tmp_path: Path
 def test_faulty_label_geometry_alone_is_refused_with_its_fault() -> None:
     with pytest.raises(RefusedError, match=r"label lacks distance_km"):
         initial_pose(_frame(label_geometry={**LABEL_GEOMETRY, "distance_km": float("nan")}), CAMERA, TARGET, [])
+
+
+PDS4 = """<?xml version="1.0"?><Product_Observational xmlns:geom="http://pds.nasa.gov/pds4/geom/v1">
+<geom:Object_Orientation_RA_Dec><geom:right_ascension_angle unit="deg">0.0</geom:right_ascension_angle>
+<geom:declination_angle unit="deg">0.0</geom:declination_angle>
+<geom:celestial_north_clock_angle unit="deg">90.0</geom:celestial_north_clock_angle>
+<geom:Reference_Frame_Identification><geom:name>J2000</geom:name></geom:Reference_Frame_Identification>
+</geom:Object_Orientation_RA_Dec>
+<geom:Vector_Cartesian_Position_Spacecraft_To_Target><geom:x_position unit="km">500000.0</geom:x_position>
+<geom:y_position unit="km">10.0</geom:y_position><geom:z_position unit="km">0.0</geom:z_position>
+</geom:Vector_Cartesian_Position_Spacecraft_To_Target>
+<geom:Vector_Cartesian_Position_Sun_To_Target><geom:x_position unit="AU">9.0</geom:x_position>
+<geom:y_position unit="AU">1.0</geom:y_position><geom:z_position unit="AU">0.0</geom:z_position>
+</geom:Vector_Cartesian_Position_Sun_To_Target></Product_Observational>"""
+
+
+def test_the_geometry_of_a_pds4_label_serves_where_nothing_better_does(tmp_path: Path) -> None:
+    (tmp_path / "N1.xml").write_text(PDS4)
+    frame = _frame(path=tmp_path / "N1.IMG")
+    found = initial_pose(frame, CAMERA, TARGET, [])
+    assert found.sources == {key: "catalog" if key == "body_from_j2000" else "pds4" for key in GEOMETRY_KEYS}
+    # seen along +x of J2000, north to the right: then y of J2000 (east) is up
+    by_rows = found.pose.camera_from_j2000 @ np.eye(3)
+    assert by_rows[0] == pytest.approx([0, 0, 1], abs=0.06)  # four pixels are a corner of this camera's field
+    assert by_rows[1] == pytest.approx([0, -1, 0], abs=0.06)
+    assert found.pose.target_from_spacecraft_km == pytest.approx([5e5, 10, 0])
+    by_file = initial_pose(frame, CAMERA, TARGET, [], _pose_file(tmp_path, *GEOMETRY_KEYS))
+    assert set(by_file.sources.values()) == {"file"}
+    assert SourcePriors().of(found.sources).range_km == 50.0

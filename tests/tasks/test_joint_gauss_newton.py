@@ -11,12 +11,15 @@ from lab.simulate.plant import planted
 from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.compare.match import framed_window
 from tasks.joint import JointSettings
+from tasks.joint.blur import SecondMoment
 from tasks.joint.coarse_to_fine import prior_sigmas
 from tasks.joint.cutout import Cutout
-from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still
+from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still, tiles_at
+from tasks.joint.model import Model, linear_model
 from tasks.joint.parameters import NAMES, OFFSET, RANGE, State, difference
 from tasks.joint.problem import Problem
 from tasks.joint.surface import fine_surface
+from tasks.joint.tiles import layout_for
 from tasks.simulate.window import Window, disk_radius_px
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
@@ -104,4 +107,41 @@ def test_the_surface_under_the_sub_pixels_is_that_of_the_ellipsoid() -> None:
     at = (round((y + 0.5) * 3), round((x + 0.5) * 3))
     assert surface.mu[at] == pytest.approx(1.0, abs=2e-3)
     assert surface.mu0[at] == pytest.approx(np.cos(np.radians(TRUTH.phase_deg)), abs=0.03)
-    assert (surface.albedo[surface.mu0 > 0] > 0).all()
+    lit = surface.mu0 > 0
+    assert np.median(surface.albedo[lit]) == pytest.approx(np.median(SCENE.basemap.albedo), rel=0.3)
+    assert not surface.albedo[~lit].any()
+
+
+@pytest.mark.parametrize("unknown", range(8), ids=NAMES)
+def test_the_model_changes_as_its_derivatives_say(given: Problem, unknown: int) -> None:
+    """Central differences of two renderings."""
+    start, window = given.metadata, framed_window(SCENE, TRUTH)
+    radius = disk_radius_px(TRUTH, CAMERA, EUROPA)
+    tiles = tiles_at(start, SCENE, window, layout_for(radius, SETTINGS.tiles))
+    fine = SETTINGS.model_copy(update={"oversample": 5})
+
+    def model_at(state: State) -> Model:
+        return linear_model(SCENE, state, window, tiles, fine)
+
+    here = model_at(start)
+    weights = np.linspace(1.0, 0.4, len(here.bases))
+    column = here.derivatives(weights, np.zeros(window.shape, np.float32))[unknown]
+    step = np.zeros(8)
+    step[unknown] = (0.2, 0.2, 0.005, 0.5, 0.5, 0.5, 0.5, 0.05)[unknown]
+    more, less = (model_at(start.moved(sign * step, CAMERA)).picture(weights) for sign in (1, -1))
+    change = (more - less) / (2 * step[unknown])
+    slope = float((column * change).sum() / (change**2).sum())
+    left = float(np.linalg.norm(column - change) / np.linalg.norm(change))
+    print(f"{NAMES[unknown]}: slope {slope:.3f}, {left:.3f} of it otherwise")
+    assert slope == pytest.approx(1, abs=0.06)
+    assert left < 0.35  # a difference over half a degree sees coarser markings than the derivative
+
+
+@pytest.mark.parametrize(("length_px", "angle_deg"), [(2.0, 0.0), (3.0, 30.0), (1.5, 120.0)])
+def test_a_trail_is_that_of_its_second_moment(length_px: float, angle_deg: float) -> None:
+    angle = np.radians(angle_deg)
+    moment = SecondMoment(length_px**2 / 12 * np.array([np.cos(2 * angle), np.sin(2 * angle)]), 0.01 * np.eye(2))
+    x, y = moment.trail_px
+    assert np.hypot(x, y) == pytest.approx(length_px)
+    assert np.degrees(np.arctan2(y, x)) % 180 == pytest.approx(angle_deg, abs=1e-6)
+    assert moment.significance == pytest.approx(length_px**2 / 12 / 0.1)

@@ -8,10 +8,12 @@ import pytest
 from tasks.joint.normal_equations import LinearProblem, scaled_inverse, solve_linear
 from tasks.joint.settings import TileSettings
 from tasks.joint.thresholds import Thresholds
+from tasks.joint.tile_prior import first_prior, learned_prior, limb_gain
 from tasks.joint.tiles import LOCAL, layout_for, tiles_of
 
 SHAPE, RADIUS = (48, 52), 18.0
 NOISE = 0.02
+TILES = TileSettings()
 
 
 def problem(local_sigma: float = 0.3, seed: int = 1) -> tuple[LinearProblem, np.ndarray, np.ndarray]:
@@ -103,3 +105,26 @@ def test_more_unknowns_come_first_and_are_about_zero() -> None:
 def test_a_direction_without_information_gets_none() -> None:
     matrix = np.diag([1e12, 1e-6, 0.0])
     assert scaled_inverse(matrix) == pytest.approx(np.diag([1e-12, 1e6, 0.0]))
+
+
+@pytest.mark.parametrize("gain", [0.0, 0.05, 0.2])
+def test_the_spread_of_the_gains_is_learned_and_tiles_that_fit_are_held(gain: float) -> None:
+    """Chance lets a few images pass that need no tiles: the median of seven."""
+    learned, seen = [], []
+    for seed in range(7):
+        given, _, weight = problem(0.3)
+        rng = np.random.default_rng(seed)
+        tiles, bright = given.tiles, given.columns[0]
+        own = np.where(tiles.label >= 0, gain * rng.standard_normal(tiles.count)[tiles.label], 0)
+        image = np.tensordot([2.0, 0.0, 0.5], given.columns, 1) + own * bright
+        image += NOISE * rng.standard_normal(image.shape)
+        before = first_prior(tiles.count, TILES)
+        fit = solve_linear(replace(given, image=image.astype(np.float32), local_prior=before), weight)
+        learned.append(learned_prior(fit, before, tiles.sectors, TILES)[-1, 0] ** -0.5)
+        seen.append(limb_gain(fit, before, tiles.sectors, TILES))
+    print(f"gains of {gain}: known to {np.round(learned, 4)}, along the limb {np.round(seen, 4)}")
+    if gain == 0:
+        assert np.median(learned) <= 2 * TILES.smallest
+    else:
+        assert gain < np.median(learned) <= TILES.gain + 1e-9
+    assert np.median(seen) == pytest.approx(gain, rel=0.3, abs=0.01)

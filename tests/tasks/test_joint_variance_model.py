@@ -1,5 +1,6 @@
 """What the residuals say of brightness, places and the sky, and how sure the solution then is."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -54,11 +55,15 @@ def test_learned_errors_stay_within_their_limits() -> None:
 def test_weights_fall_at_the_terminator_and_are_none_where_nothing_is_known() -> None:
     solution = solved()
     weights = solution.fit.values[: len(solution.model.bases)]
-    weight = solution.variances.weight(solution.model, solution.data, weights, SETTINGS)
-    inside = solution.model.coverage > 0.99
-    dusk, day = inside & (solution.model.mu0 < 0.1), inside & (solution.model.mu0 > 0.6)
-    assert np.median(weight[dusk]) < np.median(weight[day])
-    assert (weight[~solution.data.usable] == 0).all()
+    sure, unsure = (
+        replace(solution.variances, dusk=dusk).weight(solution.model, solution.data, weights, SETTINGS)
+        for dusk in (1e-6, 0.3)
+    )
+    inside = (solution.model.coverage > 0.99) & solution.data.usable
+    dusk, day = inside & (solution.model.mu0 < 0.1), inside & (solution.model.mu0 > 0.8)
+    assert np.median(unsure[dusk] / sure[dusk]) < 0.5
+    assert np.median(unsure[day] / sure[day]) > 0.9
+    assert (unsure[~solution.data.usable] == 0).all()
 
 
 def test_the_stated_covariance_is_never_below_that_of_independent_pixels() -> None:
