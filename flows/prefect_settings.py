@@ -41,9 +41,8 @@ def prepare(choice: str) -> None:
         os.environ.setdefault(name, value)
     own_home = server_files().folder / "prefect"
     if os.environ.setdefault("PREFECT_HOME", str(own_home)) == str(own_home):
-        own_home.mkdir(
-            parents=True, exist_ok=True
-        )  # Prefect makes no parents, and an embedded server then takes 25 s more
+        # Prefect makes no parents, and an embedded server then takes 25 s more.
+        own_home.mkdir(parents=True, exist_ok=True)
     if choice == EMBEDDED:
         os.environ.pop("PREFECT_API_URL", None)
         credentials = f"planetpose:{secrets.token_urlsafe(24)}"  # other users of this machine reach it too

@@ -14,13 +14,7 @@ from typing import Any
 from uuid import UUID
 
 import httpx
-from prefect import get_run_logger
-from prefect.artifacts import (
-    create_markdown_artifact,
-    create_progress_artifact,
-    create_table_artifact,
-    update_progress_artifact,
-)
+from prefect import artifacts, get_run_logger
 from prefect.client.schemas.objects import State, StateType
 from prefect.events import emit_event
 from prefect.exceptions import PrefectException
@@ -159,8 +153,8 @@ def publish_report(run: Run, summary: Summary) -> None:
 def make_artifacts(run: Run, summary: Summary) -> None:
     """A table of the run and a few of its overlays."""
     key = key_of(run)
-    create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
-    create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
+    artifacts.create_table_artifact(key=key, table=table_of(run), description=in_words(summary))
+    artifacts.create_markdown_artifact(key=f"{key}-overlays", markdown=pictures_of(run), description="Overlays")
 
 
 class ProgressBar:
@@ -181,10 +175,10 @@ class ProgressBar:
         percent = 100.0 * ended / max(self._images, 1)
         try:
             if self._id is None:
-                found = create_progress_artifact(percent, key=self._key, description=f"{self._images} images")
+                found = artifacts.create_progress_artifact(percent, key=self._key, description=f"{self._images} images")
                 self._id = found if isinstance(found, UUID) else None
             else:
-                update_progress_artifact(self._id, percent)
+                artifacts.update_progress_artifact(self._id, percent)
         except TROUBLE_OF_PREFECT as error:
             logger.warning("Prefect shows no more progress: %s: %s", type(error).__name__, error)
             self._next_s = math.inf
