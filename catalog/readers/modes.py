@@ -35,7 +35,8 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
         return FULL_FRAME
     if stated.window is not None and stated.summing is not None:
         return _checked(path, ImageMode(stated.summing, stated.window, stated.source), size, full)
-    for summing in (stated.summing,) if stated.summing else range(1, MAX_SUMMING):
+    is_cut = stated.first is not None and any(stated.first)  # a window, whatever its size happens to be half of
+    for summing in (stated.summing,) if stated.summing else () if is_cut else range(1, MAX_SUMMING):
         if size == (full[0] // summing, full[1] // summing):
             source = stated.source if stated.summing else BY_SIZE
             return ImageMode(summing, None, source if summing > 1 else "")

@@ -16,7 +16,7 @@ SUMMINGS = (
 MODE_WORD = re.compile(r"\b(?:SUM|BIN)_?(\d{1,2})\b")  # SUM2 and SUM4 of Cassini
 SQUARE = re.compile(r"^\s*(\d{1,2})\s*[xX]\s*\1\s*$")
 MODE_WORDS = ("INSTRUMENT_MODE_ID", "FRAME_MODE_ID", "SFORMAT")
-SUMMED_WORDS = ("SUMMED", "SUMMATION")
+SUMMED_WORD = re.compile(r"(?<!NOT )(?<!NO )(?<!NON-)\bSUMM(?:ED|ATION)\b")  # but not UNSUMMED
 HALF_SIZE_TELEMETRY = ("HIS", "AI8")  # Galileo's formats of 2x2-summed frames
 TELEMETRY = ("TLMFMT", "TELEMETRY_FORMAT_ID")
 FIRST_LINES = ("FIRST_LINE", "FIRST_IMAGE_LINE")
@@ -108,7 +108,7 @@ def _summing(label: Mapping[str, Any]) -> tuple[int | None, str]:
         match = MODE_WORD.search(word) or SQUARE.match(word)
         if match:
             return _sane(int(match.group(1))), key
-        if any(summed in word for summed in SUMMED_WORDS):
+        if SUMMED_WORD.search(word.replace("_", " ")):
             return 2, key
     for key in TELEMETRY:
         if str(label.get(key) or "").strip().upper() in HALF_SIZE_TELEMETRY:

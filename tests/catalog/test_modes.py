@@ -19,6 +19,7 @@ from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
 from catalog.readers.keywords import facts_of_keywords
 from catalog.readers.names import target_of_label, targets_of_label
+from catalog.readers.stated_mode import stated_mode
 
 RNG = np.random.default_rng(4)
 SSI = "MISSION='GALILEO' SENSOR='SSI' TARGET='IO'"
@@ -62,6 +63,22 @@ def test_cassinis_modes_are_in_the_label(mode: str, summing: int, tmp_path: Path
     assert frame.mode.summing == summing
     assert frame.sources.get("mode", "INSTRUMENT_MODE_ID") == "INSTRUMENT_MODE_ID"
     assert not any("frame's size" in warning for warning in frame.warnings)
+
+
+@pytest.mark.parametrize(
+    ("word", "summing"),
+    [("SUMMED", 2), ("SUMMATION", 2), ("PIXEL_SUMMATION", 2), ("UNSUMMED", None), ("NOT SUMMED", None), ("FULL", None)],
+)
+def test_words_for_summing(word: str, summing: int | None) -> None:
+    assert stated_mode({"FRAME_MODE_ID": word}).summing == summing
+
+
+def test_a_window_of_half_the_size_whose_place_the_label_states_is_not_summed(tmp_path: Path) -> None:
+    pixels = picture(512, 512)
+    path = vicar_file(tmp_path / "a.img", pixels, f"{ISS} FIRST_LINE=201 FIRST_LINE_SAMPLE=101")
+    frame = read_frame(path)
+    assert (frame.mode.summing, frame.mode.window) == (1, (100, 200, 512, 512))
+    lies_at(frame, pixels, 100, 200)
 
 
 @pytest.mark.parametrize("telemetry", ["HIS", "AI8"])
