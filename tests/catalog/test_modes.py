@@ -14,6 +14,7 @@ from small_vicar import vicar_file
 
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
+from catalog.flips import PLACES, Flip, flipped
 from catalog.image_mode import FULL_FRAME, ImageMode
 from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
@@ -79,6 +80,24 @@ def test_a_window_of_half_the_size_whose_place_the_label_states_is_not_summed(tm
     frame = read_frame(path)
     assert (frame.mode.summing, frame.mode.window) == (1, (100, 200, 512, 512))
     lies_at(frame, pixels, 100, 200)
+
+
+@pytest.mark.parametrize("summing", [1, 2])
+@pytest.mark.parametrize("flip", PLACES)
+def test_a_stated_window_lies_in_a_flipped_picture_where_it_lies_in_the_flipped_frame(
+    flip: Flip, summing: int, tmp_path: Path
+) -> None:
+    """As a whole frame of the same camera shows it, flipped in the same way."""
+    side = 1024 // summing
+    whole = picture(side, side)
+    x, y, lines, samples = 30, 140, 200, 260
+    cut = whole[y : y + lines, x : x + samples]
+    keywords = f"{ISS} SUMMING_MODE={summing} FIRST_LINE={y * summing + 1} FIRST_LINE_SAMPLE={x * summing + 1}"
+    frame = read_frame(vicar_file(tmp_path / "a.img", cut, keywords), flip=flip)
+    inside = frame.observation.quality & Quality.OUTSIDE_WINDOW == 0
+    assert inside.sum() == cut.size
+    assert np.array_equal(frame.observation.image[inside], flipped(whole, flip)[inside])
+    assert frame.mode.summing == summing
 
 
 @pytest.mark.parametrize("telemetry", ["HIS", "AI8"])
