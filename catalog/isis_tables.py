@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.carried_tables import Positions, Rotations, matrix
+from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
 from catalog.instrument_kernel import Instrument, TablePool
 from catalog.kernel_camera import content_of
@@ -105,7 +106,9 @@ def content_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> dic
     kernel = Instrument(naif_id, _name(keywords, naif_id), TablePool(keywords, path.name))
     frames = Frames(None, None, None, DEFAULT_TOLERANCE_S, handedness_of(kernel))
     try:
-        filter_name, temperature_c = _conditions(cube)
+        filter_name = _group(cube, "BandBin").get("FilterName")
+        filter_name = filter_name if isinstance(filter_name, str) else None
+        temperature_c = temperature_of_label(_group(cube, "Instrument"))
         known = kernel.number("PIXEL_SAMPLES") or kernel.number("FRAME_SAMPLES") or kernel.number("FILTER_SAMPLES")
         return content_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
     except FAULTS as error:
@@ -155,17 +158,6 @@ def _filters_of(codes: list[int], keywords: Mapping[str, Any]) -> list[int]:
 
 def _name(keywords: Mapping[str, Any], naif_id: int) -> str:
     return str(keywords.get(f"FRAME_{naif_id}_NAME", naif_id))
-
-
-def _conditions(cube: Mapping[str, Any]) -> tuple[str | None, float | None]:
-    """Filter and temperature (degrees Celsius) that a cube's label states."""
-    name = _group(cube, "BandBin").get("FilterName")
-    temperature = _group(cube, "Instrument").get("FocalPlaneTemperature")
-    value, unit = getattr(temperature, "value", temperature), str(getattr(temperature, "units", ""))
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return (name if isinstance(name, str) else None), None
-    celsius = value - 273.15 if unit.upper() in ("K", "KELVIN") else value
-    return (name if isinstance(name, str) else None), float(celsius)
 
 
 def _records(path: Path, table: Mapping[str, Any]) -> dict[str, Array]:

@@ -170,6 +170,19 @@ def test_special_values_of_labels(value: Any, kind: str, expected: float | None)
     assert found is None if expected is None else found == pytest.approx(expected, rel=1e-6)
 
 
+@pytest.mark.parametrize("chunk", [1, 2, 7])
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_members_that_begin_at_the_end_of_a_chunk(
+    pack: Callable[[bytes], bytes], chunk: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.save(tmp_path / "a.npy", PICTURE.astype("i2"))
+    content = (tmp_path / "a.npy").read_bytes()
+    first = pack(content[:1000])
+    (tmp_path / "b.npy.packed").write_bytes(first + pack(content[1000:]))
+    monkeypatch.setattr("catalog.readers.packed.CHUNK_BYTES", len(first) + chunk)
+    same(tmp_path / "b.npy.packed", PICTURE.astype("i2"))
+
+
 KEYWORDS = """Object = NaifKeywords
   INS-999001_FOCAL_LENGTH     = 100.0
   INS-999001_PIXEL_PITCH      = 0.01
