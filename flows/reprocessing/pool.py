@@ -31,8 +31,8 @@ RECYCLE_AT = 0.6  # of the memory that an image may take: a process that keeps a
 
 
 class LostError(Exception):
-    """A process did not bring an image to its end. code: `timed-out`, `memory`, `worker-died`, or `interrupted`: none was
-    to begin it any more."""
+    """A process did not bring an image to its end. code: `timed-out`, `memory`, `worker-died`, or `interrupted`:
+    the pool was closed before it was begun."""
 
     def __init__(self, code: str, text: str) -> None:
         self.code = code
