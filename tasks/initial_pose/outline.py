@@ -24,8 +24,8 @@ ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
 # Of another disk that is as good as this share of the best, the target may be either.
 RIVAL_SHARE = 0.5
 REMEDY = (
-    "--pose image needs the limb of one body before a dark sky, about a quarter of it and more, in the frame. "
-    "Give a pose file (--pose FILE), or kernels that know the geometry."
+    "--pose image needs about a quarter of one body's limb or more in the frame, on its sunlit side and before a dark "
+    "sky. Give a pose file (--pose FILE), or kernels that know the geometry."
 )
 
 
