@@ -82,7 +82,8 @@ def _targets(flight: str, pds: dict[str, Any]) -> tuple[tuple[str, ...], str, tu
         return stated, keyword if stated else "", ()
     planet = PLANET_LETTERS[letter.group(1).lower()]
     if said is None and keyword not in pds:
-        return (planet,), f"the planet's letter in PICNO {picture}", ()
+        remark = f"no label names the target: taken for {planet}, the planet of picture number {picture}; a moon of its"
+        return (planet,), f"the planet's letter in PICNO {picture}", (f"{remark} needs --target",)
     others = [name for name in stated if name in PLANET_LETTERS.values() and name != planet]
     remarks = [f"the label says target {name}, its picture number {picture} says {planet}" for name in others]
     return stated, keyword if stated else "", tuple(remarks)

@@ -39,15 +39,15 @@ FRAMES = {  # file: format, (ny, nx), camera, target, mid-exposure, exposure, un
         (34, 0, 0),
     ),
     "voyager/f1636832.raw": (
-        ("voyager-vicar", (800, 800), "voyager1-nac", None, "1979-03-04T19:22:59.820", 0.36, False),
+        ("voyager-vicar", (800, 800), "voyager1-nac", "jupiter", "1979-03-04T19:22:59.820", 0.36, False),
         (33, 0, 7719),
     ),
     "voyager/f1636832.fic.vic": (
-        ("voyager-vicar", (800, 800), "voyager1-nac", None, "1979-03-04T19:22:59.820", 0.36, False),
+        ("voyager-vicar", (800, 800), "voyager1-nac", "jupiter", "1979-03-04T19:22:59.820", 0.36, False),
         (0, 0, 31),
     ),
     "voyager/f1636832.geo": (
-        ("voyager-vicar", (1000, 1000), "voyager1-nac", None, "1979-03-04T19:22:59.820", 0.36, True),
+        ("voyager-vicar", (1000, 1000), "voyager1-nac", "jupiter", "1979-03-04T19:22:59.820", 0.36, True),
         (0, 97952, 1),
     ),
     "voyager/C1124748_RAW.IMG": (
@@ -59,11 +59,11 @@ FRAMES = {  # file: format, (ny, nx), camera, target, mid-exposure, exposure, un
         (21, 0, 0),
     ),
     "voyager/C2069302_RAW.IMG": (
-        ("voyager-vicar", (800, 800), "voyager2-wac", "j_rings", "1979-07-11T01:19:50.320", 15.36, False),
+        ("voyager-vicar", (800, 800), "voyager2-wac", "jupiter", "1979-07-11T01:19:50.320", 15.36, False),
         (288000, 0, 0),
     ),
     "voyager/C2069302_GEOMED.IMG": (
-        ("voyager-vicar", (1000, 1000), "voyager2-wac", "j_rings", "1979-07-11T01:19:50.320", 15.36, True),
+        ("voyager-vicar", (1000, 1000), "voyager2-wac", "jupiter", "1979-07-11T01:19:50.320", 15.36, True),
         (0, 96116, 0),
     ),
     "voyager/C3580800_RAW.IMG": (
@@ -200,10 +200,23 @@ def test_europa_label_geometry_agrees_with_the_labels_own_angles(data_folder: Pa
 
 
 def test_tables_beside_the_images_are_no_images(data_folder: Path) -> None:
-    for name in ("C2069302_GEOMA.DAT", "C2069302_RESLOC.DAT", "C1124748_RAW.LBL"):
+    for name in ("C2069302_GEOMA.DAT", "C2069302_RESLOC.DAT"):
         with pytest.raises(RefusedError) as refusal:
             read_frame(data_folder / "images/voyager" / name)
         assert name in refusal.value.fault
+
+
+def test_a_label_stands_for_the_image_beside_it(data_folder: Path) -> None:
+    by_label, by_image = (
+        read_frame(data_folder / f"images/voyager/C1124748_RAW.{suffix}") for suffix in ("LBL", "IMG")
+    )
+    assert (by_label.observation.image == by_image.observation.image).all()
+    assert (by_label.camera, by_label.target, by_label.et) == (by_image.camera, by_image.target, by_image.et)
+
+
+def test_a_planet_that_only_the_picture_number_names_is_said(data_folder: Path) -> None:
+    frame = read_frame(data_folder / "images/voyager/f1636832.raw")
+    assert any("jupiter" in warning and "--target" in warning for warning in frame.warnings)
 
 
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
