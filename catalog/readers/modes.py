@@ -48,23 +48,34 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     if stated.first is not None:
         window = (*stated.first, samples * summing, lines * summing)
         return _checked(path, ImageMode(summing, window, stated.source), size, full)
-    for summing in () if has_oblong_pixels(reading.label) else (stated.summing,) if stated.summing else (1, 2, 4):
+    tall = pixel_height(reading.label)
+    oblong = tall is not None and abs(tall - 1) > OBLONG
+    for summing in () if oblong else (stated.summing,) if stated.summing else (1, 2, 4):
         if samples == full[0] // summing and lines < full[1] // summing:
             return ImageMode(summing, (0, 0, samples * summing, lines * summing), BY_SIZE)
     allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((full, camera.size_px)))
+    fault = f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}"
+    if oblong:
+        fault += f", and by its label a pixel is {tall:.2f} times as high as wide"
+        remedy = (
+            f"Resample it to {allowed} pixels of the camera's shape, or give a --camera FILE.toml that has such pixels"
+        )
+        raise RefusedError(Reason.FRAME_SIZE, f"{fault}.", f"{reminder}{remedy} (section [focal_plane]).")
     raise RefusedError(
         Reason.FRAME_SIZE,
-        f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
+        f"{fault}.",
         f"{reminder}{SAY_WHICH} (and --summing 2 where its pixels are summed), or give the --camera that took it.",
     )
 
 
-def has_oblong_pixels(label: Mapping[str, Any]) -> bool:
-    """Whether the label gives pixels that are not square, as frames have whose lines were not stretched yet (NEAR MSI):
-    fewer lines than the camera's are then not missing."""
-    scales = [number(label, f"{side}_PIXEL_{what}") for what in ("SCALE", "FOV") for side in ("HORIZONTAL", "VERTICAL")]
-    pairs = [(x, y) for x, y in (scales[:2], scales[2:]) if x and y]
-    return any(abs(x / y - 1) > OBLONG for x, y in pairs)
+def pixel_height(label: Mapping[str, Any]) -> float | None:
+    """How high the label's pixels are, of their width; None where it does not say. They are not square in frames whose
+    lines were not stretched yet (NEAR MSI): fewer lines than the camera's are then not missing."""
+    for what in ("SCALE", "FOV"):
+        wide, high = (number(label, f"{side}_PIXEL_{what}") for side in ("HORIZONTAL", "VERTICAL"))
+        if wide and high:
+            return abs(high / wide)
+    return None
 
 
 def remarks_of_mode(mode: ImageMode, reading: Reading) -> tuple[str, ...]:

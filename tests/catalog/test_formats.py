@@ -300,6 +300,9 @@ def test_planes_of_fits_by_number_and_name(tmp_path: Path) -> None:
     assert refusal.value.code == "several-planes"
     with pytest.raises(RefusedError, match=r"no plane 'B'.*SCI:1"):
         read_frame(tmp_path / "a.fits", plane="B")
+    fits.HDUList([fits.PrimaryHDU(), fits.ImageHDU(cube), fits.ImageHDU(PICTURE)]).writeto(tmp_path / "nameless.fits")
+    with pytest.raises(RefusedError, match=r"it has 4 planes: 1, 2, 3, 4\. "):
+        read_frame(tmp_path / "nameless.fits")
 
 
 @pytest.mark.parametrize("sky", [0, 7])

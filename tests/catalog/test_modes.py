@@ -117,6 +117,17 @@ def test_lines_that_are_missing_at_the_end(tmp_path: Path) -> None:
     assert any("missing at the end" in warning for warning in frame.warnings)
 
 
+@pytest.mark.parametrize("what", ["SCALE", "FOV"])
+def test_fewer_lines_of_oblong_pixels_are_neither_missing_ones_nor_a_window(what: str, tmp_path: Path) -> None:
+    sides = f"HORIZONTAL_PIXEL_{what}=0.03 VERTICAL_PIXEL_{what}=0.05"
+    path = vicar_file(tmp_path / "a.img", picture(430, 800), f"{SSI} {sides}")
+    with pytest.raises(
+        RefusedError, match=r"1\.67 times as high as wide\. Resample .* 800x800 .*focal_plane"
+    ) as refusal:
+        read_frame(path)
+    assert "--window" not in refusal.value.reason
+
+
 @pytest.mark.parametrize("noise", [True, False])
 def test_a_window_is_placed_where_the_user_says(noise: bool, tmp_path: Path) -> None:
     pixels = picture(100, 150)
