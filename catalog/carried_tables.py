@@ -11,17 +11,20 @@ from catalog.rotation import checked_rotation, nearest_rotation
 Array = NDArray[np.float64]
 NEAREST_S = 1.0  # a table of one entry holds for a frame camera's exposure; ISIS writes its middle
 UNIT_LENGTH = 1e-3
+LIGHT_KM_PER_S = 299792.458
 PRINTED_DIGITS = 1e-6  # labels hold rotations with 6 to 15 digits
 
 
 @dataclass(frozen=True)
 class Rotations:
     """Quaternions (n, 4), scalar first as SPICE's M2Q, from J2000 to a moving frame at times (n,) in TDB seconds past
-    J2000, and the constant rotation (3, 3) from there to the wanted frame."""
+    J2000, and the constant rotation (3, 3) from there to the wanted frame. angular_velocities_rad_s: (n, 3) of the
+    frame, in J2000, where known."""
 
     times: Array
     quaternions: Array
     constant: Array
+    angular_velocities_rad_s: Array | None = None
 
     def at(self, et: float) -> Array:
         """Rotation (3, 3) from J2000 to the wanted frame at `et`, interpolated on the sphere between entries.
@@ -39,6 +42,19 @@ class Rotations:
         inside = float(np.clip(et, self.times[0], self.times[-1]))
         moving = rotations[0] if len(self.times) == 1 else Slerp(self.times, rotations)(inside)
         return checked_rotation(nearest_rotation(self.constant @ moving.as_matrix()), "rotation")
+
+    def when_light_left(self, et: float, distance_km: float) -> Array:
+        """Rotation (3, 3) of a body `distance_km` away when its light left, by the angular velocity: ISIS' and ALE's
+        tables have bodies as they are turned at `et`. Without angular velocities that one is given."""
+        from scipy.spatial.transform import Rotation
+
+        turned = self.at(et)
+        if self.angular_velocities_rad_s is None:
+            return turned
+        rate = self.angular_velocities_rad_s[int(np.abs(self.times - et).argmin())]
+        return checked_rotation(
+            nearest_rotation(turned @ Rotation.from_rotvec(rate * distance_km / LIGHT_KM_PER_S).as_matrix()), "rotation"
+        )
 
 
 @dataclass(frozen=True)

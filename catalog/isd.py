@@ -3,7 +3,9 @@
 Conventions: the centre of the first pixel is (0.5, 0.5); focal2pixel_samples and _lines lead from millimetres of the
 focal plane to detector pixels beyond detector_center; quaternions have the scalar first and lead from J2000 to a moving
 frame, from which constant_rotation leads to the sensor's or the body's; positions are kilometres from the target's
-centre, in J2000. USGSCSM's own form (sensor_position, sensor_orientation) is body-fixed, in metres.
+centre, in J2000. body_rotation is the body's when the light arrives: it is turned back by the light time with its
+angular_velocities (ISDs without them, as this program writes them, have the body as it is seen). USGSCSM's own form
+(sensor_position, sensor_orientation) is body-fixed, in metres.
 
 A detector_center of (0, 0) or with a negative number states none (ALE's drivers for Viking, LORRI and MVIC); a sole
 radial coefficient is ISIS' K1 (Galileo SSI), xu = xd (1 + K1 r^2).
@@ -17,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.body import Target
-from catalog.carried_tables import Positions, Rotations, matrix
+from catalog.carried_tables import LIGHT_KM_PER_S, Positions, Rotations, matrix
 from catalog.errors import RefusedError
 from catalog.instrument_kernel import Instrument, TablePool
 from catalog.kernel_camera import SMALLEST_FOCAL_LENGTH_MM, undistorted_frame
@@ -29,7 +31,6 @@ from catalog.rotation import nearest_rotation
 
 Array = NDArray[np.float64]
 NEEDED = ("focal2pixel_samples", "focal2pixel_lines", "focal_length_model", "image_samples", "image_lines")
-LIGHT_KM_PER_S = 299792.458
 REMEDY = "Give an ISD of a frame camera, as ALE's isd_generate writes them."
 FAULTS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 
@@ -168,13 +169,14 @@ def _pose(path: Path, content: dict[str, Any]) -> PartialPose:
     et = float(content["center_ephemeris_time"])
     camera_from_sensor = np.array(content_from_isd(path)["camera_from_instrument"], dtype=np.float64)
     sensor = _rotations(content["instrument_pointing"]).at(et)
+    body = _rotations(content["body_rotation"])
     spacecraft, sun = (_positions(content[name]).at(et) for name in ("instrument_position", "sun_position"))
     return PartialPose(
         et=et,
         camera_from_j2000=camera_from_sensor @ sensor,
         target_from_spacecraft_km=-spacecraft,
         sun_from_target_km=sun,
-        body_from_j2000=_rotations(content["body_rotation"]).at(et),
+        body_from_j2000=body.when_light_left(et, float(np.linalg.norm(spacecraft))),
     )
 
 
@@ -207,7 +209,9 @@ def _body_fixed_km(table: dict[str, Any]) -> Array:
 def _rotations(table: dict[str, Any]) -> Rotations:
     times = np.array(table["ephemeris_times"], dtype=np.float64)
     quaternions = np.array(table["quaternions"], dtype=np.float64).reshape(len(times), 4)
-    return Rotations(times, quaternions, matrix(table.get("constant_rotation")))
+    rates = table.get("angular_velocities")
+    moving = None if not rates else np.array(rates, dtype=np.float64).reshape(len(times), 3)
+    return Rotations(times, quaternions, matrix(table.get("constant_rotation")), moving)
 
 
 def _positions(table: dict[str, Any]) -> Positions:

@@ -2,7 +2,9 @@
 
 Tables InstrumentPointing and BodyRotation hold quaternions (J2000Q0 ... J2000Q3, ET) from J2000 to a moving frame, and
 ConstantRotation from there on; InstrumentPosition is the spacecraft, SunPosition the Sun, from the target's centre in
-km, J2000 (ISIS' SpiceRotation and SpicePosition). Records are fields of 8-byte reals, 4-byte integers or text.
+km, J2000 (ISIS' SpiceRotation and SpicePosition). BodyRotation is the body's when the light arrives: it is turned back
+by the light time with its angular velocity (AV1 to AV3, rad/s, J2000).
+Records are fields of 8-byte reals, 4-byte integers or text.
 """
 
 import re
@@ -80,12 +82,13 @@ def pose_from_cube(path: Path, et: float | None = None, label: Mapping[str, Any]
         et = float(pointing.times.mean()) if et is None else et
         camera_from_sensor = np.array(content_from_cube(path, label)["camera_from_instrument"], dtype=np.float64)
         spacecraft = _positions(path, tables["InstrumentPosition"]).at(et)
+        distance_km = float(np.linalg.norm(spacecraft))
         return PartialPose(
             et=et,
             camera_from_j2000=camera_from_sensor @ pointing.at(et),
             target_from_spacecraft_km=-spacecraft,
             sun_from_target_km=_positions(path, tables["SunPosition"]).at(et),
-            body_from_j2000=_rotations(path, tables["BodyRotation"]).at(et),
+            body_from_j2000=_rotations(path, tables["BodyRotation"]).when_light_left(et, distance_km),
         )
     except FAULTS as error:
         fault = f"it lacks the table or field {error}" if isinstance(error, KeyError) else str(error)
@@ -193,7 +196,9 @@ def _rotations(path: Path, table: Mapping[str, Any]) -> Rotations:
     quaternions = np.stack([columns[f"J2000Q{number}"] for number in range(4)], axis=-1)
     constant = table.get("ConstantRotation")
     numbers = None if constant is None else [float(getattr(value, "value", value)) for value in constant]
-    return Rotations(columns["ET"], quaternions, matrix(numbers))
+    names = ("AV1", "AV2", "AV3")
+    rates = np.stack([columns[name] for name in names], axis=-1) if set(names) <= set(columns) else None
+    return Rotations(columns["ET"], quaternions, matrix(numbers), rates)
 
 
 def _positions(path: Path, table: Mapping[str, Any]) -> Positions:
