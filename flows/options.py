@@ -204,8 +204,8 @@ class PhotometryOptions(Options):
     latitude: Limits = opt(LATITUDES, description="South and north limit.")
     longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
     regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
-    max_incidence_deg: float = Field(75.0, ge=0, le=90)
-    max_emission_deg: float = Field(75.0, ge=0, le=90)
+    max_incidence_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
+    max_emission_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
     hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
         (), description="A parameter that is not solved; repeat for more."
     )

@@ -39,6 +39,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
     assert list(inspect.signature(flow.fn).parameters) == list(fields)
     shown = flow.parameters.model_dump()["properties"]
     for name, field in fields.items():
+        assert field.description, name
         assert shown[name].get("description") == field.description
     assert any(entry["entrypoint"].endswith(f":{command}") for entry in DEPLOYMENTS)
 
