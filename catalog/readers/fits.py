@@ -172,8 +172,9 @@ def _plane_count(path: Path, hdu: Any) -> int:
 
 
 def _plane_names(found: list[Any], counts: list[int]) -> list[str]:
+    """NAME, or NAME:NUMBER (from 1) in a cube; an extension without a name has only its place among all planes."""
     return [
-        hdu.name + (f":{number + 1}" if count > 1 else "")
+        hdu.name + (f":{number + 1}" if count > 1 and hdu.name else "")
         for hdu, count in zip(found, counts, strict=True)
         for number in range(count)
     ]

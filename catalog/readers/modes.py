@@ -17,7 +17,7 @@ from catalog.image_mode import FULL_FRAME, ImageMode, Window
 from catalog.observation import Quality
 from catalog.readers.label_values import number
 from catalog.readers.reading import Reading
-from catalog.readers.stated_mode import MAX_SUMMING
+from catalog.readers.stated_mode import MAX_SUMMING, placed_as_flipped
 from catalog.reasons import Reason
 
 SAY_WHICH = "Say which part of the detector it shows: --window X0,Y0,WIDTH,HEIGHT in detector pixels from 0"
@@ -29,13 +29,16 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     """The mode of a picture of `camera`. given: the user's. Raises RefusedError where it is unknown or impossible."""
     lines, samples = reading.image.shape
     size, full, stated = (samples, lines), camera.detector_size_px, reading.stated
+    if reading.flip is not None:
+        stated = placed_as_flipped(stated, reading.flip, size, full)
     if given is not None:
         return _checked(path, given, size, full)
     if stated.summing is None and size in (full, camera.size_px):
         return FULL_FRAME
     if stated.window is not None and stated.summing is not None:
         return _checked(path, ImageMode(stated.summing, stated.window, stated.source), size, full)
-    for summing in (stated.summing,) if stated.summing else range(1, MAX_SUMMING):
+    is_cut = stated.first is not None and any(stated.first)  # a window, whatever its size happens to be half of
+    for summing in (stated.summing,) if stated.summing else () if is_cut else range(1, MAX_SUMMING):
         if size == (full[0] // summing, full[1] // summing):
             source = stated.source if stated.summing else BY_SIZE
             return ImageMode(summing, None, source if summing > 1 else "")
@@ -45,23 +48,34 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     if stated.first is not None:
         window = (*stated.first, samples * summing, lines * summing)
         return _checked(path, ImageMode(summing, window, stated.source), size, full)
-    for summing in () if has_oblong_pixels(reading.label) else (stated.summing,) if stated.summing else (1, 2, 4):
+    tall = pixel_height(reading.label)
+    oblong = tall is not None and abs(tall - 1) > OBLONG
+    for summing in () if oblong else (stated.summing,) if stated.summing else (1, 2, 4):
         if samples == full[0] // summing and lines < full[1] // summing:
             return ImageMode(summing, (0, 0, samples * summing, lines * summing), BY_SIZE)
     allowed = " or ".join(f"{nx}x{ny}" for nx, ny in dict.fromkeys((full, camera.size_px)))
+    fault = f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}"
+    if oblong:
+        fault += f", and by its label a pixel is {tall:.2f} times as high as wide"
+        remedy = (
+            f"Resample it to {allowed} pixels of the camera's shape, or give a --camera FILE.toml that has such pixels"
+        )
+        raise RefusedError(Reason.FRAME_SIZE, f"{fault}.", f"{reminder}{remedy} (section [focal_plane]).")
     raise RefusedError(
         Reason.FRAME_SIZE,
-        f"image {path}: it has {samples}x{lines} pixels, camera {camera.name} has {allowed}.",
+        f"{fault}.",
         f"{reminder}{SAY_WHICH} (and --summing 2 where its pixels are summed), or give the --camera that took it.",
     )
 
 
-def has_oblong_pixels(label: Mapping[str, Any]) -> bool:
-    """Whether the label gives pixels that are not square, as frames have whose lines were not stretched yet (NEAR MSI):
-    fewer lines than the camera's are then not missing."""
-    scales = [number(label, f"{side}_PIXEL_{what}") for what in ("SCALE", "FOV") for side in ("HORIZONTAL", "VERTICAL")]
-    pairs = [(x, y) for x, y in (scales[:2], scales[2:]) if x and y]
-    return any(abs(x / y - 1) > OBLONG for x, y in pairs)
+def pixel_height(label: Mapping[str, Any]) -> float | None:
+    """How high the label's pixels are, of their width; None where it does not say. They are not square in frames whose
+    lines were not stretched yet (NEAR MSI): fewer lines than the camera's are then not missing."""
+    for what in ("SCALE", "FOV"):
+        wide, high = (number(label, f"{side}_PIXEL_{what}") for side in ("HORIZONTAL", "VERTICAL"))
+        if wide and high:
+            return abs(high / wide)
+    return None
 
 
 def remarks_of_mode(mode: ImageMode, reading: Reading) -> tuple[str, ...]:

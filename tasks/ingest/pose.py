@@ -26,6 +26,7 @@ from tasks.ingest.carried import orientation_of_header, parts_of_pds4, parts_of_
 
 # Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
 SAME_EXPOSURE_S = 60.0
+IN_IMAGE_TOO = "Where a quarter of the limb or more is in the frame, the pose can be found in the image: --pose image."
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ def initial_pose(
             Reason.POSE_UNKNOWN,
             f"{why} of the exposure: {frame.unclear['time']}." if "time" in frame.unclear else f"{why}.",
             "Give a pose file (--pose) with utc or et of mid-exposure, "
-            f"and what no kernel gives of {', '.join(POSE_KEYS)}.",
+            f"and what no kernel gives of {', '.join(POSE_KEYS)}. {IN_IMAGE_TOO}",
         )
     from_label, is_relative, label_faults = _label_parts(frame, camera, target, et)
     tables, table_faults = parts_of_tables(frame, et)
@@ -174,5 +175,6 @@ def _unknown(
     return RefusedError(
         Reason.POSE_UNKNOWN,
         f"{frame.product}: {', '.join(unknown)} unknown ({label}; SPICE: {'; '.join(spice_gaps)}).",
-        f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed}",
+        f"Load the missing kernels with --kernels, or give a pose file (--pose) with {', '.join(unknown)}.{needed} "
+        f"{IN_IMAGE_TOO}",
     )

@@ -127,7 +127,7 @@ def find_pointing(
             Reason.TARGET_NOT_FOUND,
             f"the disk of {scene.target.name} fits best where only {share:.0%} of it would be in the frame "
             f"(needed {settings.min_overlap:.0%}).",
-            "Check target, range and Sun direction; a frame without the target gives this too.",
+            "Check target, range and Sun direction; a frame without the target or its limb gives this too.",
         )
     alike = likeness_at(observation, settled, scene)
     if not min(shift.quality, alike) >= settings.min_correlation:

@@ -83,7 +83,14 @@ def test_no_source_at_all_is_refused_naming_parts_kernels_and_the_pose_file() ->
     with pytest.raises(RefusedError) as refusal:
         initial_pose(_frame(), CAMERA, TARGET, [])
     assert refusal.value.code == "pose-unknown"
-    for word in ("camera_from_j2000", "sun_from_target_km", "no kernels are loaded", "cas_v43.tf", "--pose"):
+    for word in (
+        "camera_from_j2000",
+        "sun_from_target_km",
+        "no kernels are loaded",
+        "cas_v43.tf",
+        "give a pose file (--pose)",
+        "--pose image",
+    ):
         assert word in refusal.value.reason
 
 
