@@ -31,10 +31,18 @@ def name_or_file(text: str) -> str:
     return str(Path(text).absolute()) if Path(text).is_file() else text
 
 
+def folder_of_products(path: Path) -> Path:
+    """The path as it is. Raises ValueError for the address of an object store, which is no folder."""
+    if str(path).startswith("s3:/"):
+        raise ValueError("an object store is not read here; give the folder that it was published from, or a copy.")
+    return path
+
+
 Absolute = Annotated[Path, AfterValidator(absolute)]
+Folder = Annotated[Path, AfterValidator(folder_of_products)]
 NameOrFile = Annotated[str, AfterValidator(name_or_file)]
-Paths = Annotated[tuple[Path, ...], Cli(argument=True), Field(description="Products' folders, or stores.")]
-OneStore = Annotated[Path, Cli(argument=True, folder=True)]
+Paths = Annotated[tuple[Folder, ...], Cli(argument=True), Field(description="Products' folders, or stores.")]
+OneStore = Annotated[Folder, Cli(argument=True, folder=True)]
 Store = Annotated[str, Field(description="Folder that products are published in, or s3://bucket/prefix.")]
 LATITUDES, LONGITUDES = (-90.0, 90.0), (0.0, 360.0)
 
@@ -204,8 +212,8 @@ class PhotometryOptions(Options):
     latitude: Limits = opt(LATITUDES, description="South and north limit.")
     longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
     regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
-    max_incidence_deg: float = Field(75.0, ge=0, le=90)
-    max_emission_deg: float = Field(75.0, ge=0, le=90)
+    max_incidence_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
+    max_emission_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
     hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
         (), description="A parameter that is not solved; repeat for more."
     )
@@ -227,7 +235,9 @@ class PhotometryOptions(Options):
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 
-    store: Annotated[Path, Cli(argument=True)] = opt(..., description="Store of images that the joint step corrected.")
+    store: Annotated[Folder, Cli(argument=True)] = opt(
+        ..., description="Store of images that the joint step corrected."
+    )
     out: File = opt(description="Folder for adjust.json and a pose file per image.")
     gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
 

@@ -59,7 +59,7 @@ def map_image(
     wanted = map_projection(
         projection,
         source.target,
-        resolution_km or finest_km,
+        finest_km if resolution_km is None else resolution_km,
         (float(centre[0]), float(centre[1])),
         central_longitude_deg,
     )

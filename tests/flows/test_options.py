@@ -39,6 +39,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
     assert list(inspect.signature(flow.fn).parameters) == list(fields)
     shown = flow.parameters.model_dump()["properties"]
     for name, field in fields.items():
+        assert field.description, name
         assert shown[name].get("description") == field.description
     assert any(entry["entrypoint"].endswith(f":{command}") for entry in DEPLOYMENTS)
 
@@ -52,6 +53,9 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
         ("correct", {"files": ["a"], "flip": "sideways"}),
         ("export", {"paths": ["a"], "format": []}),
         ("check", {"paths": ["a"], "unknown": 1}),
+        ("export", {"paths": ["s3://bucket/prefix"], "format": ["stac"]}),
+        ("kernels", {"paths": ["a", "s3://bucket/prefix"]}),
+        *((command, {"store": "s3://bucket/prefix"}) for command in ("report", "photometry", "adjust")),
     ],
 )
 def test_a_flow_takes_what_the_model_takes(command: str, given: dict[str, Any]) -> None:

@@ -13,6 +13,7 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, write_small_archive
 
 import planetpose
+from flows.image_options import ImageOptions
 from flows.result import EMPTY
 from planetpose import result as result_module
 from tasks.publish.check import product_faults
@@ -58,7 +59,7 @@ PROMISED = [
 PROMISED_OF_CORRECT = (
     "(image, store='out', *, product=None, camera=None, target=None, pose_file=None, kernels=None, basemap=None, "
     "map_left_edge_deg=0.0, shape=None, profile=None, hold=(), start_offset_px=None, mask=None, flip=None, "
-    "resume=None, cache=None, progress=None)"
+    "plane=None, summing=None, window=None, resume=None, cache=None, progress=None)"
 )
 
 
@@ -107,6 +108,10 @@ def test_the_arguments_of_correct_are_kept() -> None:
     signature = inspect.signature(planetpose.correct)
     bare = [p.replace(annotation=inspect.Parameter.empty) for p in signature.parameters.values()]
     assert str(signature.replace(parameters=bare, return_annotation=inspect.Signature.empty)) == PROMISED_OF_CORRECT
+
+
+def test_whatever_the_command_takes_for_an_image_python_does_too() -> None:
+    assert set(ImageOptions.model_fields) <= set(inspect.signature(planetpose.correct).parameters)
 
 
 def test_the_typed_result_has_the_keys_of_results_and_of_their_documentation() -> None:
@@ -226,6 +231,8 @@ def test_an_image_is_corrected_from_python_without_prefect(tmp_path: Path) -> No
         ({"profile": "pint"}, planetpose.RefusedError, "there is no profile 'pint'"),
         ({"product": "a/b"}, ValueError, "no name for a folder"),
         ({"flip": "upside-down"}, ValueError, "flip"),
+        ({"summing": 0}, ValueError, "summing"),
+        ({"window": (1, 2, 3)}, ValueError, "window"),
         ({"hold": ["of"]}, ValueError, "hold"),
         ({"profile": {"point": {"registration": "nncc"}}}, planetpose.RefusedError, "known are ncc, phase"),
     ],

@@ -147,6 +147,7 @@ def test_what_cannot_be_mapped_is_refused(sources, tmp_path):
     for wrong, message in (
         ({"projection": "mercator"}, "no projection"),
         ({"resolution_km": -1.0}, "a resolution of"),
+        ({"resolution_km": 0.0}, "a resolution of"),
         ({"resolution_km": 0.05}, "a map of"),
         ({"kernel": "lanczos"}, "no resampling kernel"),
         ({"max_emission_deg": 0.0}, "shows nothing of europa"),
