@@ -31,7 +31,7 @@ class RotationModel(BaseModel):
     pole_ra_deg: tuple[float, ...]
     pole_dec_deg: tuple[float, ...]
     prime_meridian_deg: tuple[float, ...]
-    angles_deg: tuple[tuple[float, float], ...] = ()  # constant, rate per century
+    angles_deg: tuple[tuple[float, ...], ...] = ()  # polynomials in centuries: constant, rate, and higher terms
     nutation_ra_deg: tuple[float, ...] = ()
     nutation_dec_deg: tuple[float, ...] = ()
     nutation_meridian_deg: tuple[float, ...] = ()
@@ -45,7 +45,7 @@ class RotationModel(BaseModel):
         def polynomial(coefficients: tuple[float, ...], t: float) -> float:
             return sum(c * t**i for i, c in enumerate(coefficients))
 
-        angles = [math.radians(constant + rate * centuries) for constant, rate in self.angles_deg]
+        angles = [math.radians(polynomial(angle, centuries)) for angle in self.angles_deg]
         ra = polynomial(self.pole_ra_deg, centuries)
         dec = polynomial(self.pole_dec_deg, centuries)
         meridian = polynomial(self.prime_meridian_deg, days)

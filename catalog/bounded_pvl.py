@@ -17,7 +17,7 @@ PARSER_FAULTS = (ValueError, TypeError, LookupError, ArithmeticError, RecursionE
 
 
 class BoundedTokens(Generator[Any, Any, None]):
-    """The lexer's tokens, until the parser has asked for so many that it must be going in circles."""
+    """The lexer's tokens, until the parser has taken so many that it must be going in circles."""
 
     def __init__(self, tokens: Generator[Any, Any, None], content: str) -> None:
         self._tokens, self._content = tokens, content
@@ -39,7 +39,7 @@ class BoundedTokens(Generator[Any, Any, None]):
 
 def load_pvl(content: str, times: int = 1) -> Any:
     """The parsed label, a multi-mapping. times: for labels that may be that much longer than an image's (of indices).
-    Raises ValueError when the text is no PDS3 label, or larger or deeper nested than they are."""
+    Raises ValueError when the text is no sound label, or larger or deeper nested than they are."""
     check_size(content, times)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pvl warns of its own deprecated class whenever it is imported
@@ -54,7 +54,7 @@ def load_pvl(content: str, times: int = 1) -> Any:
     try:
         return pvl.loads(content, parser=OmniParser(lexer_fn=bounded))
     except (pvl.exceptions.ParseError, pvl.exceptions.QuantityError, *PARSER_FAULTS) as error:
-        raise ValueError(f"no PDS3 label ({error})") from error
+        raise ValueError(f"no sound label ({error})") from error
 
 
 def check_size(content: str, times: int = 1) -> None:
@@ -69,7 +69,7 @@ def check_size(content: str, times: int = 1) -> None:
     }
     for what, (found, allowed) in counts.items():
         if found > allowed:
-            raise ValueError(f"no PDS3 label of an image: {found} {what}, at most {allowed} are read")
+            raise ValueError(f"no sound label of an image: {found} {what}, at most {allowed} are read")
 
 
 def _depth(bare: str) -> int:

@@ -15,7 +15,7 @@ from catalog.errors import RefusedError
 from catalog.focal_plane import FocalPlane
 from catalog.isd import content_from_isd
 from catalog.isis_tables import content_from_cube
-from catalog.kernel_camera import content_from_kernels
+from catalog.kernel_camera import as_keyword, content_from_kernels
 from catalog.made_camera import is_made, made_content
 from catalog.optics import optics_of
 from catalog.plain_files import read_toml_file
@@ -188,7 +188,7 @@ class Camera(BaseModel):
             powers = enumerate(self.focal_length_mm_by_temperature)
             changes["focal_length_mm"] = sum(value * temperature_c**power for power, value in powers)
         if filter_name:
-            changes |= self.filters.get(re.sub(r"[^A-Z0-9]+", "_", filter_name.upper()).strip("_"), {})
+            changes |= self.filters.get(as_keyword(filter_name), {})
         if not changes:
             return self
         content = self.model_dump(exclude_unset=True, exclude={"focal_length_px"}) | changes

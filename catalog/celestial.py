@@ -22,6 +22,7 @@ TWIST_TOLERANCE_DEG = 2.0
 # How far a header's pixels may be from the camera's, relative: focal lengths in use differ by less than 1e-3.
 SCALE_TOLERANCE = 0.02
 REVERSED_ROWS = "ROWS_REVERSED_BY_READER"
+WCS_NEEDED = ("CRVAL1", "CRVAL2", "CRPIX1", "CRPIX2")
 WCS_REMEDY = "Give the orientation in a pose file (--pose), or kernels."
 
 
@@ -113,18 +114,26 @@ def _sky_of(header: Mapping[str, Any], places: Array) -> Array:
     from astropy.io.fits import Header, VerifyError
     from astropy.wcs import WCS
 
+    lacking = [key for key in WCS_NEEDED if not isinstance(header.get(key), int | float)]
+    if lacking:  # their usual value, 0, would be taken for a place on the sky
+        fault = f"the header's world coordinates lack {' and '.join(lacking)}"
+        raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY)
     kept = Header()
-    for key, value in header.items():
-        if isinstance(value, str | int | float) and len(key) <= 8 and key.upper() not in ("COMMENT", "HISTORY", ""):
-            kept[key] = value
     try:
+        for key, value in header.items():
+            if isinstance(value, str | int | float) and len(key) <= 8 and key.upper() not in ("COMMENT", "HISTORY", ""):
+                kept[key] = value
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             sky = WCS(kept, naxis=2).pixel_to_world(places[:, 0], places[:, 1]).icrs
     except (VerifyError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
         fault = f"the header's world coordinates cannot be read ({error})"
         raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY) from error
-    return np.asarray(sky.cartesian.xyz.value.T, dtype=np.float64)
+    vectors = np.asarray(sky.cartesian.xyz.value.T, dtype=np.float64)
+    if not np.isfinite(vectors).all():
+        fault = "the header's world coordinates give parts of the picture no place on the sky"
+        raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY)
+    return vectors
 
 
 def _planar(vectors: Array, places: Array) -> Array:

@@ -46,19 +46,6 @@ class FocalPlane(BaseModel):
         inverse = np.linalg.inv(np.array(self.mm_from_px))
         return (mm - np.array(self.offset_mm)) @ inverse.T + np.array(self.origin_px)
 
-    def binned(self, summing: tuple[int, int], window_px: tuple[int, int] = (0, 0)) -> "FocalPlane":
-        """The focal plane of an image whose pixels are sums of `summing` (x, y) detector pixels, the first of them
-        beginning at the detector pixel `window_px` (x, y)."""
-        sums = np.array(summing, dtype=float)
-        origin = (np.array(self.origin_px) + 0.5 - np.array(window_px)) / sums - 0.5
-        rows = np.array(self.mm_from_px) * sums
-        return self.model_copy(
-            update={
-                "origin_px": tuple(map(float, origin)),
-                "mm_from_px": tuple(tuple(map(float, row)) for row in rows),
-            }
-        )
-
 
 def axes_of(mm_from_px: Array, handedness: int) -> tuple[tuple[int, int], tuple[int, int]]:
     """The camera's +X along samples, and +Y along lines (or against them, where the detector is mirrored), as the

@@ -22,11 +22,6 @@ class ImageMode:
     source: str = ""
 
     @property
-    def is_full(self) -> bool:
-        """Whether the file holds every pixel of the detector."""
-        return self.summing == 1 and self.window is None
-
-    @property
     def shape(self) -> tuple[int, int] | None:
         """Lines and samples of the file's picture; None where it is the whole frame."""
         return None if self.window is None else (self.window[3] // self.summing, self.window[2] // self.summing)

@@ -5,7 +5,7 @@ focal plane to detector pixels beyond detector_center; quaternions have the scal
 frame, from which constant_rotation leads to the sensor's or the body's; positions are kilometres from the target's
 centre, in J2000. USGSCSM's own form (sensor_position, sensor_orientation) is body-fixed, in metres.
 
-A detector_center of (0, 0) or outside the detector states none (ALE's drivers for Viking, LORRI and MVIC); a sole
+A detector_center of (0, 0) or with a negative number states none (ALE's drivers for Viking, LORRI and MVIC); a sole
 radial coefficient is ISIS' K1 (Galileo SSI), xu = xd (1 + K1 r^2).
 """
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.carried_tables import Positions, Rotations, matrix
+from catalog.conditions import temperature_of_label
 from catalog.errors import RefusedError
 from catalog.instrument_kernel import Instrument, TablePool
 from catalog.kernel_camera import content_of
@@ -31,13 +32,26 @@ REMEDY = "Run ISIS' spiceinit on the cube, or give kernels or a pose file."
 FAULTS = (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError)
 
 
+def begins_as_cube(head: bytes) -> bool:
+    """Whether a file with these first bytes is an ISIS3 cube or the detached label of one."""
+    return head[:200].split()[:3] == [b"Object", b"=", b"IsisCube"]
+
+
 def is_isis_cube(path: Path) -> bool:
     """Whether a file begins as an ISIS3 cube or its detached label does."""
     try:
         with open_regular(path) as file:
-            return bytes(file.read(200)).split()[:3] == [b"Object", b"=", b"IsisCube"]
+            return begins_as_cube(bytes(file.read(200)))
     except OSError:
         return False
+
+
+def parsed_cube_label(path: Path) -> Mapping[str, Any]:
+    """The label of an ISIS cube. Raises OSError or ValueError when it cannot be read."""
+    with open_regular(path) as file:
+        raw = bytes(file.read(MAX_LABEL_BYTES))
+    label: Mapping[str, Any] = load_pvl(raw.partition(b"\0")[0].decode("latin-1"))
+    return label
 
 
 def has_pose(label: Mapping[str, Any]) -> bool:
@@ -48,12 +62,9 @@ def has_pose(label: Mapping[str, Any]) -> bool:
 def cube_label(path: Path) -> Mapping[str, Any]:
     """The label of an ISIS cube. Raises RefusedError when it cannot be read."""
     try:
-        with open_regular(path) as file:
-            raw = bytes(file.read(MAX_LABEL_BYTES))
-        label: Mapping[str, Any] = load_pvl(raw.partition(b"\0")[0].decode("latin-1"))
+        return parsed_cube_label(path)
     except (OSError, ValueError) as error:
         raise RefusedError(Reason.ISIS_LABEL, f"cube {path}: its label cannot be read ({error}).", REMEDY) from error
-    return label
 
 
 def pose_from_cube(path: Path, et: float | None = None, label: Mapping[str, Any] | None = None) -> PartialPose:
@@ -94,9 +105,17 @@ def content_from_cube(path: Path, label: Mapping[str, Any] | None = None) -> dic
         raise RefusedError(Reason.ISIS_KEYWORDS, f"{fault}: spiceinit was not run.", REMEDY)
     kernel = Instrument(naif_id, _name(keywords, naif_id), TablePool(keywords, path.name))
     frames = Frames(None, None, None, DEFAULT_TOLERANCE_S, handedness_of(kernel))
-    filter_name, temperature_c = _conditions(cube)
-    known = kernel.number("PIXEL_SAMPLES") or kernel.number("FRAME_SAMPLES") or kernel.number("FILTER_SAMPLES")
-    return content_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
+    try:
+        filter_name = _group(cube, "BandBin").get("FilterName")
+        filter_name = filter_name if isinstance(filter_name, str) else None
+        temperature_c = temperature_of_label(_group(cube, "Instrument"))
+        known = kernel.number("PIXEL_SAMPLES") or kernel.number("FRAME_SAMPLES") or kernel.number("FILTER_SAMPLES")
+        return content_of(kernel, frames, None, filter_name, temperature_c, None if known else _whole_size(path, cube))
+    except FAULTS as error:
+        fault = f"it lacks the keyword {error}" if isinstance(error, KeyError) else str(error)
+        raise RefusedError(
+            Reason.ISIS_KEYWORDS, f"cube {path}: its keywords make no camera ({fault}).", REMEDY
+        ) from error
 
 
 def _group(label: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -139,17 +158,6 @@ def _filters_of(codes: list[int], keywords: Mapping[str, Any]) -> list[int]:
 
 def _name(keywords: Mapping[str, Any], naif_id: int) -> str:
     return str(keywords.get(f"FRAME_{naif_id}_NAME", naif_id))
-
-
-def _conditions(cube: Mapping[str, Any]) -> tuple[str | None, float | None]:
-    """Filter and temperature (degrees Celsius) that a cube's label states."""
-    name = _group(cube, "BandBin").get("FilterName")
-    temperature = _group(cube, "Instrument").get("FocalPlaneTemperature")
-    value, unit = getattr(temperature, "value", temperature), str(getattr(temperature, "units", ""))
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return (name if isinstance(name, str) else None), None
-    celsius = value - 273.15 if unit.upper() in ("K", "KELVIN") else value
-    return (name if isinstance(name, str) else None), float(celsius)
 
 
 def _records(path: Path, table: Mapping[str, Any]) -> dict[str, Array]:

@@ -222,12 +222,22 @@ def _affine(kernel: Instrument) -> tuple[Array, Array]:
     """mm_from_px (2, 2) and the constants of TRANSX and TRANSY; square pixels of the pitch without them."""
     rows = [kernel.numbers("TRANSX"), kernel.numbers("TRANSY")]
     if all(len(row) == 3 for row in rows):
+        _refuse_flat(kernel, "TRANSX and TRANSY", rows)
         return np.array([row[1:] for row in rows]), np.array([row[0] for row in rows])
     inverse = [kernel.numbers("ITRANSS"), kernel.numbers("ITRANSL")]
     if all(len(row) == 3 for row in inverse):
+        _refuse_flat(kernel, "ITRANSS and ITRANSL", inverse)
         matrix = np.linalg.inv(np.array([row[1:] for row in inverse]))
         return matrix, -matrix @ np.array([row[0] for row in inverse])
     return np.diag(_pitches(kernel)), np.zeros(2)
+
+
+def _refuse_flat(kernel: Instrument, keywords: str, rows: list[tuple[float, ...]]) -> None:
+    """Refuse an affine map that has no inverse: it puts all pixels on one line."""
+    determinant = float(np.linalg.det(np.array([row[1:] for row in rows])))
+    if not math.isfinite(determinant) or determinant == 0.0:
+        fault = kernel.fault(f"its {keywords} map all pixels onto one line")
+        raise RefusedError(Reason.INSTRUMENT_INCOMPLETE, fault, INSTRUMENT_REMEDY)
 
 
 def _pitches(kernel: Instrument) -> Array:
@@ -237,7 +247,7 @@ def _pitches(kernel: Instrument) -> Array:
         return 1.0 / np.array([kmat[0], kmat[3]])
     for keyword in ("PIXEL_PITCH", "PIXEL_SIZE"):
         values = kernel.numbers(keyword)
-        if values and min(values) > 0:
+        if values and min(values) > 0 and math.isfinite(max(values)):
             sides = np.array([values[0], values[-1]])
             scale = next((s for s in (1.0, 1e-3, 1e3) if PITCHES_MM[0] <= sides[0] * s <= PITCHES_MM[1]), 1.0)
             return sides * scale

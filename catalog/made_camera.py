@@ -6,7 +6,7 @@ from typing import Any
 
 from catalog.errors import RefusedError
 from catalog.isd import content_from_isd
-from catalog.isis_tables import content_from_cube
+from catalog.isis_tables import content_from_cube, cube_label, is_isis_cube
 from catalog.kernel_camera import content_from_kernels
 from catalog.reasons import Reason
 from catalog.settings import default_kernels
@@ -19,6 +19,21 @@ MADE_REMEDY = "Give kernels:NAME (a NAIF instrument name or id, with --kernels),
 def is_made(name: str | None) -> bool:
     """Whether a camera's name says that it is to be made from kernels or from a file."""
     return name is not None and name.lower().startswith(PREFIXES)
+
+
+def camera_carried_by(path: Path) -> tuple[str | None, str | None]:
+    """Name (`isis:FILE`) of the camera that an ISIS cube carries in its NaifKeywords, and else why it makes none; both
+    None for other files, and for cubes without keywords (before spiceinit)."""
+    if not is_isis_cube(path):
+        return None, None
+    try:
+        label = cube_label(path)
+        if "NaifKeywords" not in label:
+            return None, None
+        content_from_cube(path, label)
+    except RefusedError as error:
+        return None, f"its NaifKeywords make none ({error.fault.rstrip('.')})"
+    return f"{ISIS}{path}", None
 
 
 def file_in(name: str) -> Path | None:

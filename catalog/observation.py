@@ -60,8 +60,8 @@ class Frame:
     pose can be built (Galileo), see `catalog.label_geometry`. undistorted: the frame is already in the camera's
     undistorted geometry (GEOMED). label: the flat label, for provenance. overruled: what the label says otherwise than
     the user, whose word counts. warnings: what else the user ought to know of the file, a sentence each. unclear: why
-    `time` or `target` are None although the label speaks of them. mode: summing and window; the observation is the
-    whole frame in it. sources: where each known value came from: keywords, options.
+    `time`, `target` or `camera` are None although the label speaks of them. mode: summing and window; the observation
+    is the whole frame in it. sources: where each known value came from: keywords, options.
     """
 
     product: str

@@ -54,14 +54,16 @@ def _rotation(naif_id: int) -> RotationModel | None:
     pole_ra, pole_dec, meridian = (_constants(naif_id, key) for key in ("POLE_RA", "POLE_DEC", "PM"))
     if not (pole_ra and pole_dec and meridian):
         return None
-    flat = _constants(naif_id // 100, "NUT_PREC_ANGLES") if 100 <= naif_id < 1000 else ()
+    system = naif_id // 100 if 100 <= naif_id < 1000 else naif_id // 10000 if 10000 < naif_id < 100000 else naif_id
+    flat = _constants(system, "NUT_PREC_ANGLES")
+    degree = int(next(iter(_constants(system, "MAX_PHASE_DEGREE")), 1))  # of the angles' polynomials (pck00011: Mars)
     nutation = {part: _constants(naif_id, f"NUT_PREC_{part}") for part in ("RA", "DEC", "PM")}
     used = max(map(len, nutation.values()))
     return RotationModel(
         pole_ra_deg=pole_ra,
         pole_dec_deg=pole_dec,
         prime_meridian_deg=meridian,
-        angles_deg=tuple(zip(flat[::2], flat[1::2], strict=True))[:used],
+        angles_deg=tuple(flat[at : at + degree + 1] for at in range(0, len(flat), degree + 1))[:used],
         nutation_ra_deg=nutation["RA"],
         nutation_dec_deg=nutation["DEC"],
         nutation_meridian_deg=nutation["PM"],

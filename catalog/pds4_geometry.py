@@ -5,7 +5,6 @@ and declination have the target in front of the camera.
 """
 
 import math
-from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
@@ -16,29 +15,36 @@ from scipy.spatial.transform import Rotation
 
 from catalog.celestial import orientation_of_twist
 from catalog.detached import label_beside
+from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.pose import PartialPose
-from catalog.regular_file import read_regular
+from catalog.readers.pds4 import parsed_xml
 
 if TYPE_CHECKING:
     from catalog.camera import Camera
 
 Vector = NDArray[np.float64]
 Element = ElementTree.Element
-MAX_LABEL_BYTES, MAX_DEPTH = 5_000_000, 60
 UNIT_KM = {"km": 1.0, "m": 1e-3, "AU": 149597870.7}
 OUTSIDE_DEG = 5.0  # a target of which only the limb is in the picture may have its centre this far outside
 
 
 def pose_from_pds4(
-    path: Path, camera: "Camera", size_px: tuple[int, int], flip: Flip | None, is_reversed: bool = False
+    path: Path,
+    camera: "Camera",
+    size_px: tuple[int, int],
+    flip: Flip | None,
+    is_reversed: bool = False,
+    first_px: tuple[int, int] = (0, 0),
 ) -> tuple[PartialPose, tuple[str, ...]]:
     """The parts of the pose in a PDS4 label file, and why there are no others. size_px: of the picture as it was read;
-    flip, is_reversed: whether the user or the reader turned its lines."""
+    flip, is_reversed: whether the user or the reader turned its lines; first_px: where its first pixel lies in the
+    camera's frame."""
     try:
-        root = _parsed(read_regular(path, MAX_LABEL_BYTES))
-    except (OSError, ValueError, LookupError, ElementTree.ParseError) as error:
-        return PartialPose(), (f"PDS4 label {path.name} cannot be read ({error})",)
+        root = parsed_xml(path, path)
+    except (OSError, RefusedError) as error:
+        why = error.fault if isinstance(error, RefusedError) else str(error)
+        return PartialPose(), (f"PDS4 label {path.name} cannot be read ({why})",)
     found = next(root.iter("Object_Orientation_RA_Dec"), None)
     if found is None:
         return PartialPose(), ("the PDS4 label has no Object_Orientation_RA_Dec",)
@@ -56,9 +62,10 @@ def pose_from_pds4(
         fault = "the PDS4 label does not give the celestial north's clock angle"
     turned = None
     if clock is not None and fault is None:
-        ray = camera.detector_ray((np.array(size_px, dtype=np.float64) - 1) / 2)
+        ray = camera.detector_ray((np.array(size_px, dtype=np.float64) - 1) / 2 + first_px)
         turned = _from_axis_to(ray) @ orientation_of_twist(ra, dec, 270.0 - clock)
-    target, sun, vector_fault = _positions(root, middle, camera, size_px)
+    corners = camera.detector_ray(np.array([[0.0, 0.0], [size_px[0] - 1.0, size_px[1] - 1.0]]) + first_px)
+    target, sun, vector_fault = _positions(root, middle, corners)
     faults = tuple(each for each in (fault, vector_fault) if each)
     return (
         PartialPose(camera_from_j2000=turned, target_from_spacecraft_km=target, sun_from_target_km=sun),
@@ -72,30 +79,12 @@ def pds4_label_beside(path: Path) -> Path | None:
     return label if label is not None and label.suffix.lower() == ".xml" else None
 
 
-def _parsed(content: bytes) -> Element:
-    """The root, names without namespaces."""
-    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-        raise ValueError("it has a document type")
-    root, depth = None, 0
-    for event, element in ElementTree.iterparse(BytesIO(content), ("start", "end")):
-        depth += 1 if event == "start" else -1
-        if depth > MAX_DEPTH:
-            raise ValueError("its elements are nested too deep")
-        element.tag = str(element.tag).rpartition("}")[2]
-        root = element if root is None else root
-    if root is None:
-        raise ValueError("it is empty")
-    return root
-
-
-def _positions(
-    root: Element, middle: Vector, camera: "Camera", size_px: tuple[int, int]
-) -> tuple[Vector | None, Vector | None, str | None]:
-    """target_from_spacecraft_km, sun_from_target_km and what is wrong with them."""
+def _positions(root: Element, middle: Vector, corners: Vector) -> tuple[Vector | None, Vector | None, str | None]:
+    """target_from_spacecraft_km, sun_from_target_km and what is wrong with them. middle, corners (2, 3): directions of
+    the picture's centre and of two opposite corners."""
     target = _vector(root, "Vector_Cartesian_Position_Spacecraft_To_Target")
     if target is None:
         return None, None, "the PDS4 label has no position of the target in kilometres in J2000"
-    corners = camera.detector_ray(np.array([[0.0, 0.0], [size_px[0] - 1.0, size_px[1] - 1.0]]))
     half_field = math.degrees(math.acos(float(np.clip(corners[0] @ corners[1], -1, 1)))) / 2
     off = math.degrees(math.acos(float(np.clip(middle @ target / np.linalg.norm(target), -1, 1))))
     if off > half_field + OUTSIDE_DEG:

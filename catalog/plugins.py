@@ -1,6 +1,6 @@
 """What other installed distributions add: entry points of five groups, loaded when one of the group is first needed.
 
-A plugin that cannot be used hinders nothing else: the log names it once, and where its name is asked for the error says
+A plugin that cannot be used hinders nothing else: the log names it once, and where its name is used the error says
 what to do.
 """
 
@@ -98,7 +98,7 @@ def contributed(
 ) -> dict[str, T]:
     """What all usable plugins of `group` give by its name; names that are `taken` stay with their owner.
 
-    made_of: names and things of one plugin; what it raises is told in the log, and nothing else is lost.
+    made_of: names and things of one plugin; what it raises is logged, and nothing else is lost.
     """
     found: dict[str, T] = {}
     for plugin in plugins_of(group):

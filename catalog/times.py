@@ -31,7 +31,7 @@ def et_from_time(text: str, scale: str) -> float:
     """TDB seconds past J2000 of an ISO time in one of astropy's scales (utc, tdb, tt, tai, ut1, tcb, tcg) or in gps.
 
     Raises ValueError for what is no time of that scale: a second 60 must be a leap second; UT1 is known while IERS has
-    told it; and DayOnlyError for a day without a time of day.
+    published it; and DayOnlyError for a day without a time of day.
     """
     match = TIME.fullmatch(text.strip())
     if match is None:

@@ -69,7 +69,7 @@ EMPTY: dict[str, Any] = {
     "seconds": {},
     "cached": [],
 }
-EXIT_OK, EXIT_SOME_FAILED, EXIT_USAGE = 0, 1, 2
+EXIT_OK, EXIT_SOME_FAILED = 0, 1
 
 
 def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:

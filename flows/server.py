@@ -87,9 +87,10 @@ class ServerFiles:
             return None
 
     def write(self, record: ServerRecord) -> None:
-        """Replace the record in one go."""
+        """Replace the record in one go, by a file that its user alone may read."""
         new = self.record.with_suffix(".new")
-        new.touch(mode=0o600)
+        new.unlink(missing_ok=True)  # what a killed keeper left may be open to others, or a link
+        new.touch(mode=0o600, exist_ok=False)
         new.write_text(json.dumps(asdict(record)) + "\n", encoding="utf-8")
         new.replace(self.record)
 

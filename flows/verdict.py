@@ -37,26 +37,26 @@ def doubts(chain: Chain) -> list[str]:
     A correction doubts by a text under `doubt` in its evidence; only the last one of a kind counts.
     """
     last = {done.step.kind.name: done.result for done in chain.done.values()}
-    judged, accept = chain.last(VALIDATE), chain.request.profile.accept
+    validated, accept = chain.last(VALIDATE), chain.request.profile.accept
     superseded = {POINT.name}
-    if judged and is_about_orientation(judged.result.orientation):
+    if validated and is_about_orientation(validated.result.orientation):
         superseded.add(ATTITUDE.name)
     found = [result.doubt for name, result in last.items() if name in CORRECTIONS and name not in superseded]
-    if not (judged and judged.result.orientation.verdict == "matched"):  # the markings say which body it is
+    if not (validated and validated.result.orientation.verdict == "matched"):  # the markings say which body it is
         found += [result.doubt for result in chain.of_kind(POINT).values()]
     diagnosed = chain.last(DIAGNOSE)
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)
     by_image = chain.last(IMAGE_POSE)
     found += by_image.result.doubts if by_image else ()
-    if judged:
-        report = judged.result
+    if validated:
+        report = validated.result
         found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
         found += [doubtful_sun(accept, report.sun), doubtful_psf(accept, solved_psf(chain), report.limb), report.doubt]
     found = [doubt for doubt in found if doubt]
     found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause comes before what may follow from it
-    if found and judged:
-        spoilt = [doubtful_blocks(accept, judged.result.blocks), doubtful_blur(accept, judged.result.limb)]
+    if found and validated:
+        spoilt = [doubtful_blocks(accept, validated.result.blocks), doubtful_blur(accept, validated.result.limb)]
         found = [doubt for doubt in (*spoilt, cause_of_doubts(chain)) if doubt] + found
     return found
 
@@ -81,7 +81,7 @@ def cause_of_doubts(chain: Chain) -> str | None:
 
 
 def is_of_doubts(chain: Chain) -> bool:
-    """Whether the step `diagnose` was done after the pose was judged, and not after a failure."""
+    """Whether the step `diagnose` was done after the pose was validated, and not after a failure."""
     names = list(chain.done)
     return VALIDATE.name in names and names.index(VALIDATE.name) < names.index(DIAGNOSE.name)
 

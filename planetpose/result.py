@@ -12,6 +12,9 @@ class Guidance(TypedDict):
     held: list[str]
     mask: str | None
     flip: str | None
+    plane: str | None
+    summing: int | None
+    window: list[int] | None
     resumed_from: str | None
     overruled: list[str]
 

@@ -56,7 +56,7 @@ class Outcome:
 
 
 def fetch_item(item: Item, archive: Path, settings: FetchSettings, rate: RateLimit, ledger: Ledger) -> Outcome:
-    """Have one file in `archive`; whatever goes wrong with it is told in the outcome, nothing is raised for it."""
+    """Have one file in `archive`; whatever goes wrong with it is stated in the outcome, nothing is raised for it."""
     target = archive / item.path
     expected = item.sha256 or ledger.sha256(item.path)
     try:

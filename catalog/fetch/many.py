@@ -16,7 +16,7 @@ SAVE_EVERY = 50
 def fetch_items(
     items: list[Item], archive: Path, settings: FetchSettings, tell: Callable[[Outcome], None]
 ) -> list[Outcome]:
-    """Outcomes of all items in their order; each is told as soon as it and those before it are known."""
+    """Outcomes of all items in their order; each is reported as soon as it and those before it are known."""
     archive.mkdir(parents=True, exist_ok=True)
     rate, ledger = RateLimit(settings.requests_per_s), Ledger(archive)
     outcomes: list[Outcome] = []

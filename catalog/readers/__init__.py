@@ -1,6 +1,6 @@
 """Readers: one per file format behind one Protocol, chosen by the file's first bytes.
 
-`read_frame` is all that the rest of the program needs. Plugins' readers are asked before our own, so that one can know
+`read_frame` is all that the rest of the program needs. Plugins' readers are tried before our own, so that one can know
 more of some FITS files than ours does.
 """
 
@@ -46,7 +46,7 @@ def plugin_readers() -> dict[str, PluggedReader]:
 
 
 def all_readers() -> tuple[Reader, ...]:
-    """Every reader in the order of asking."""
+    """Every reader in the order in which they are tried."""
     return (*plugin_readers().values(), *READERS)
 
 

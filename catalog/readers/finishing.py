@@ -10,6 +10,7 @@ from catalog.camera import Camera, find_camera, known_cameras
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
 from catalog.image_mode import ImageMode
+from catalog.made_camera import camera_carried_by
 from catalog.observation import UNUSABLE, Frame, Observation, Quality
 from catalog.pose import PartialPose
 from catalog.readers.filling import filled
@@ -26,6 +27,7 @@ MIN_USABLE_PX = 100  # no disk that can be corrected is smaller
 NULL_MAGNITUDE = 1e30  # beyond are the special pixels of float formats (ISIS -3.4e38, PDS -1e32)
 CONTRAST_PERCENTILES = (1.0, 99.9)
 MIN_STEPS = 255  # that 8-bit pictures have
+CUBE_FORMAT = "isis3"  # of `catalog.readers.isis`
 BIAS_ALLOWANCE = 1.2  # saturation levels are given without the bias that some raw files still hold
 
 
@@ -38,6 +40,10 @@ def frame_of_reading(
 ) -> Frame:
     """The Frame of a reading; `camera_name`, `target_name` and `given_mode` override the label's."""
     name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
+    no_camera = None
+    if name is None and reading.format == CUBE_FORMAT:
+        name, no_camera = camera_carried_by(path)
+        reading = replace(reading, sources={**reading.sources, "camera": "NaifKeywords"}) if name else reading
     camera = find_camera(name) if name else None
     if target_name and is_target_file(target_name):
         target_name = find_target(target_name).name
@@ -70,7 +76,7 @@ def frame_of_reading(
         label=reading.label,
         overruled=overruled,
         warnings=(*reading.time.contradictions, *reading.remarks, *remarks_of_mode(mode, reading)),
-        unclear=_unclear(reading, target),
+        unclear=_unclear(reading, target, no_camera),
     )
 
 
@@ -84,11 +90,13 @@ def _without_filling(reading: Reading) -> Reading:
     return replace(reading, quality=quality, remarks=(*reading.remarks, *filling.sentences))
 
 
-def _unclear(reading: Reading, target: str | None) -> dict[str, str]:
-    """Why time or target stay unknown although the label speaks of them."""
+def _unclear(reading: Reading, target: str | None, no_camera: str | None) -> dict[str, str]:
+    """Why time, target or camera stay unknown although the label speaks of them."""
     found = {"time": reading.time.fault} if reading.time.fault else {}
     if target is None and reading.targets:
         found["target"] = f"the label names several targets: {', '.join(reading.targets)}"
+    if no_camera is not None:
+        found["camera"] = no_camera
     return found
 
 

@@ -13,16 +13,15 @@ from numpy.typing import NDArray
 
 from catalog.detached import data_beside
 from catalog.errors import RefusedError
+from catalog.isis_tables import begins_as_cube, parsed_cube_label
 from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.keywords import USUAL_START, Start, facts_of_keywords, flat, isis_keyword, mid_time, plain_values
 from catalog.readers.label_values import items, number, plain_label
 from catalog.readers.raw_array import RawArray, check_array, check_end, read_band
 from catalog.readers.reading import Reading, unreadable
 from catalog.readers.stated_mode import UNSTATED, mode_of_alpha_cube, scaled
 from catalog.reasons import Reason
-from catalog.regular_file import open_regular
 
 KINDS = {
     "UNSIGNEDBYTE": "u1", "SIGNEDWORD": "i2", "UNSIGNEDWORD": "u2", "SIGNEDINTEGER": "i4", "UNSIGNEDINTEGER": "u4",
@@ -49,8 +48,7 @@ class IsisReader:
 
     def recognises(self, head: bytes, path: Path) -> bool:  # noqa: ARG002
         """A label whose first object is IsisCube."""
-        words = head[:200].split()
-        return words[:3] == [b"Object", b"=", b"IsisCube"]
+        return begins_as_cube(head)
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
         """Pixels and metadata of one band."""
@@ -120,10 +118,8 @@ def _scaled(stored: NDArray[Any], base: float, multiplier: float, quality: NDArr
 
 
 def _label(path: Path) -> Mapping[str, Any]:
-    with open_regular(path) as file:
-        raw = file.read(MAX_LABEL_BYTES)
     try:
-        return load_pvl(raw.partition(b"\0")[0].decode("latin-1"))
+        return parsed_cube_label(path)
     except ValueError as error:
         raise unreadable(path, str(error)) from error
 

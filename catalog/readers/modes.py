@@ -17,7 +17,7 @@ from catalog.image_mode import FULL_FRAME, ImageMode, Window
 from catalog.observation import Quality
 from catalog.readers.label_values import number
 from catalog.readers.reading import Reading
-from catalog.readers.stated_mode import MAX_SUMMING
+from catalog.readers.stated_mode import MAX_SUMMING, placed_as_flipped
 from catalog.reasons import Reason
 
 SAY_WHICH = "Say which part of the detector it shows: --window X0,Y0,WIDTH,HEIGHT in detector pixels from 0"
@@ -29,13 +29,16 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     """The mode of a picture of `camera`. given: the user's. Raises RefusedError where it is unknown or impossible."""
     lines, samples = reading.image.shape
     size, full, stated = (samples, lines), camera.detector_size_px, reading.stated
+    if reading.flip is not None:
+        stated = placed_as_flipped(stated, reading.flip, size, full)
     if given is not None:
         return _checked(path, given, size, full)
     if stated.summing is None and size in (full, camera.size_px):
         return FULL_FRAME
     if stated.window is not None and stated.summing is not None:
         return _checked(path, ImageMode(stated.summing, stated.window, stated.source), size, full)
-    for summing in (stated.summing,) if stated.summing else range(1, MAX_SUMMING):
+    is_cut = stated.first is not None and any(stated.first)  # a window, whatever its size happens to be half of
+    for summing in (stated.summing,) if stated.summing else () if is_cut else range(1, MAX_SUMMING):
         if size == (full[0] // summing, full[1] // summing):
             source = stated.source if stated.summing else BY_SIZE
             return ImageMode(summing, None, source if summing > 1 else "")

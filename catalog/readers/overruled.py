@@ -1,4 +1,4 @@
-"""What a file's label says otherwise than the user, who is believed but ought to know."""
+"""What a file's label says otherwise than the user, whose values are used and who is warned."""
 
 from collections.abc import Iterable
 

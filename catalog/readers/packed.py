@@ -70,7 +70,9 @@ def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
                         raise unreadable(path, "truncated: its packed content has no end")
         except (zlib.error, OSError, EOFError, ValueError) as error:
             raise unreadable(path, f"its packed content is damaged ({error})") from error
-        content = member.unused_data or packed.read(CHUNK_BYTES)
+        content = member.unused_data
+        if len(content) < len(BZIP2):  # the next member's first bytes may be in the next chunk
+            content += packed.read(CHUNK_BYTES)
 
 
 def _rest(member: Any) -> bytes:

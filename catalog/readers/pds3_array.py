@@ -1,5 +1,6 @@
 """How PDS3 labels describe arrays: sample types, storage orders, cubes' axes, and special values."""
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -107,6 +108,8 @@ def special_value(value: Any, dtype: np.dtype[Any]) -> Any:
     value = getattr(value, "value", value)
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
     if isinstance(value, str):
         match = re.fullmatch(r"\s*(?:16#|0x)([0-9A-Fa-f]{1,16})#?\s*", value)
         if match is None:
@@ -114,8 +117,8 @@ def special_value(value: Any, dtype: np.dtype[Any]) -> Any:
             return None if stated is None else special_value(stated, dtype)
         value = int(match.group(1), 16)
     if dtype.kind == "f" and isinstance(value, int) and value > 0x7F800000:  # the bits of a real number
-        raw = value.to_bytes(8, "big")[-dtype.itemsize :]
-        return np.frombuffer(raw, f">f{dtype.itemsize}")[0]
+        size = 4 if value < 1 << 32 else 8  # bits of a 4-byte real, also where the samples have 8
+        return np.frombuffer(value.to_bytes(8, "big")[-size:], f">f{size}")[0] if value < 1 << 64 else None
     if dtype.kind in "iu":
         limits = np.iinfo(dtype)
         return int(value) if value == int(value) and limits.min <= value <= limits.max else None

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.detached import data_beside, label_beside
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
-from catalog.readers.bounded_pvl import MAX_LABEL_BYTES, load_pvl
 from catalog.readers.gaps import zero_filled
 from catalog.readers.isis import special_pixels
 from catalog.readers.keywords import facts_of_keywords, flat, plain_values

@@ -26,7 +26,7 @@ def detached_label(path: Path) -> dict[str, Any]:
 def parse_label(content: str) -> dict[str, Any]:
     """The label's top-level keywords: times as ISO text, quantities as their number (times in seconds), the rest as is.
 
-    Raises ValueError when the text is no PDS3 label, or larger or deeper nested than any image's.
+    Raises ValueError when the text is no sound label, or larger or deeper nested than any image's.
     """
     module = load_pvl(content)
     return {str(key): _plain(value) for key, value in module.items() if not hasattr(value, "items")}

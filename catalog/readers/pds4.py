@@ -215,6 +215,9 @@ def _array(path: Path, element: ElementTree.Element) -> Pds4Array:
         raise unreadable(path, f"its PDS4 label gives an array of axes {labels}", "Give an image of two or three axes.")
     band = next((place for place, name in enumerate(labels) if name.startswith("band")), 0) if len(sizes) == 3 else None
     order: Order = "band" if band is None else ("band", "line", "sample")[band]
+    shown = [name for place, name in enumerate(labels) if place != band]
+    if shown[0].startswith("sample") and shown[1].startswith("line"):
+        raise unreadable(path, f"its PDS4 label gives an array of axes {labels}", "Give lines before samples.")
     lines, samples = (size for place, size in enumerate(sizes) if place != band)
     offset, factor = (number({"value": element.findtext(f"Element_Array/{key}")}, "value") for key in
                       ("value_offset", "scaling_factor"))  # fmt: skip

@@ -118,7 +118,7 @@ def _grey_pixels(path: Path, picture: Any) -> NDArray[Any]:
 
 
 def _has_second_page(picture: Any) -> bool:
-    """Asked for alone: counting all pages would take a file's word for how many there are."""
+    """Only the second page is looked for: to count all of them the file's own number would have to be relied on."""
     try:
         picture.seek(1)
     except EOFError:

@@ -31,7 +31,8 @@ class Reading:
     label gives, compared with `Camera.label_names`. raw_dn: values are the camera's own data numbers, so that the
     camera's noise model and saturation level apply. undistorted: None leaves it to the frame's size. targets: all that
     the label names. remarks: what the user ought to know of how the file was read, a sentence each. flags_from: whose
-    `quality` is. stated: the mode that the label states. sources: where each value came from, by its name here.
+    `quality` is. stated: the mode that the label states, in the file's order; flip: how the picture was flipped since.
+    sources: where each value came from, by its name here.
     """
 
     format: str
@@ -53,6 +54,7 @@ class Reading:
     flags_from: str = "the flags of its format"
     gain: str | None = None
     stated: StatedMode = UNSTATED
+    flip: Flip | None = None
     sources: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -63,7 +65,7 @@ class Reading:
     def flipped(self, flip: Flip) -> "Reading":
         """Copy with the picture, its flags and its noise flipped."""
         quality, noise = (None if plane is None else flipped(plane, flip) for plane in (self.quality, self.noise))
-        return replace(self, image=flipped(self.image, flip), quality=quality, noise=noise)
+        return replace(self, image=flipped(self.image, flip), quality=quality, noise=noise, flip=flip)
 
 
 class Reader(Protocol):

@@ -3,9 +3,12 @@
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
+from catalog.flips import PLACES, Flip
 from catalog.image_mode import Window
 from catalog.readers.label_values import items, number
 
@@ -16,7 +19,7 @@ SUMMINGS = (
 MODE_WORD = re.compile(r"\b(?:SUM|BIN)_?(\d{1,2})\b")  # SUM2 and SUM4 of Cassini
 SQUARE = re.compile(r"^\s*(\d{1,2})\s*[xX]\s*\1\s*$")
 MODE_WORDS = ("INSTRUMENT_MODE_ID", "FRAME_MODE_ID", "SFORMAT")
-SUMMED_WORDS = ("SUMMED", "SUMMATION")
+SUMMED_WORD = re.compile(r"(?<!NOT )(?<!NO )(?<!NON-)\bSUMM(?:ED|ATION)\b")  # but not UNSUMMED
 HALF_SIZE_TELEMETRY = ("HIS", "AI8")  # Galileo's formats of 2x2-summed frames
 TELEMETRY = ("TLMFMT", "TELEMETRY_FORMAT_ID")
 FIRST_LINES = ("FIRST_LINE", "FIRST_IMAGE_LINE")
@@ -87,6 +90,29 @@ def scaled(stated: StatedMode, summing: int) -> StatedMode:
     )
 
 
+def placed_as_flipped(
+    stated: StatedMode, flip: Flip, size_px: tuple[int, int], detector_px: tuple[int, int]
+) -> StatedMode:
+    """A label's window, which counts in the file's order, where it lies in the picture that was flipped. size_px,
+    detector_px: (nx, ny) of the flipped picture, and of the detector that the flipped picture is of."""
+    turn = PLACES[flip]
+    swaps = bool(turn[0, 0] == 0)
+    if stated.window is not None:
+        corner, sides = np.array(stated.window[:2], float), np.array(stated.window[2:], float)
+    elif stated.first is not None:
+        corner, sides = np.array(stated.first, float), np.array(size_px, float) * (stated.summing or 1)
+        sides = sides[::-1] if swaps else sides
+    else:
+        return stated
+    detector = np.array(detector_px, float)
+    centre = turn @ (corner + sides / 2 - (detector[::-1] if swaps else detector) / 2) + detector / 2
+    sides = sides[::-1] if swaps else sides
+    x0, y0, width, height = (round(float(value)) for value in (*(centre - sides / 2), *sides))
+    if stated.window is not None:
+        return replace(stated, window=(x0, y0, width, height))
+    return replace(stated, first=(x0, y0))
+
+
 def mode_of_fits_header(header: Mapping[str, Any]) -> StatedMode:
     """Binning keywords, or IRAF's LTM and LTV, which give each image pixel's place on the detector."""
     summing, keyword = _summing(header)
@@ -108,7 +134,7 @@ def _summing(label: Mapping[str, Any]) -> tuple[int | None, str]:
         match = MODE_WORD.search(word) or SQUARE.match(word)
         if match:
             return _sane(int(match.group(1))), key
-        if any(summed in word for summed in SUMMED_WORDS):
+        if SUMMED_WORD.search(word.replace("_", " ")):
             return 2, key
     for key in TELEMETRY:
         if str(label.get(key) or "").strip().upper() in HALF_SIZE_TELEMETRY:

@@ -1,7 +1,7 @@
 """The VICAR file format: label, binary header lines, line prefixes and pixels (VICAR File Format, JPL D-4186).
 
 rms-vicar parses the label; the pixels are cut out here, because it refuses the two-dimensional labels (DIM=2) of the
-1980s and believes sizes that lie.
+1980s and relies on sizes that the file does not have.
 """
 
 import re

@@ -65,10 +65,10 @@ def public(body: list[ast.stmt]) -> Iterator[Definition]:
 
 def term(node: Definition) -> str:
     """A definition with its docstring; a class with its fields and methods."""
-    told = paragraphs(ast.get_docstring(node))
+    described = paragraphs(ast.get_docstring(node))
     if isinstance(node, ast.ClassDef):
-        told += "".join(f"\n{term(method)}" for method in public(node.body) if isinstance(method, ast.FunctionDef))
-    return f"`{signature(node)}`\n: {textwrap.indent(told, '  ').strip()}\n"
+        described += "".join(f"\n{term(method)}" for method in public(node.body) if isinstance(method, ast.FunctionDef))
+    return f"`{signature(node)}`\n: {textwrap.indent(described, '  ').strip()}\n"
 
 
 def signature(node: Definition) -> str:

@@ -96,8 +96,8 @@ def axes(camera: Camera) -> str:
     rows = [[abs(part) for part in row] for row in camera.camera_from_instrument]
     places = [row.index(max(row)) for row in rows]
     signs = ["+" if row[place] > 0 else "-" for row, place in zip(camera.camera_from_instrument, places, strict=True)]
-    told = ", ".join(sign + "XYZ"[place] for sign, place in zip(signs, places, strict=True))
-    return f"{told} of the instrument frame"
+    described = ", ".join(sign + "XYZ"[place] for sign, place in zip(signs, places, strict=True))
+    return f"{described} of the instrument frame"
 
 
 def pixel_urad(camera: Camera) -> float:

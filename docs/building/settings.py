@@ -23,15 +23,15 @@ def page(_: str = "") -> str:
 
 
 def sections(model: Model, path: tuple[str, ...], seen: list[Model]) -> list[str]:
-    """A model's own section and those of the models in it; a model that comes again is not told again."""
+    """A model's own section and those of the models in it; a model that comes again is not described again."""
     if model in seen:
         return []
     seen.append(model)
     heading = f"## `[{'.'.join(path)}]`" if path else "## The profile itself"
-    about, meanings = told_apart(" ".join((model.__doc__ or "").split()), list(model.model_fields))
+    about, meanings = text_and_meanings(" ".join((model.__doc__ or "").split()), list(model.model_fields))
     rows, inner = [], []
     for name, info in model.model_fields.items():
-        if model is Profile and name == "origin":  # told of a profile, not set by it
+        if model is Profile and name == "origin":  # what a profile says of itself, not set by it
             continue
         key, nested, meaning = (
             info.alias or name,
@@ -49,7 +49,7 @@ def sections(model: Model, path: tuple[str, ...], seen: list[Model]) -> list[str
     return ["\n".join(parts), *(part for key, nested in inner for part in sections(nested, key, seen))]
 
 
-def told_apart(docstring: str, fields: list[str]) -> tuple[str, dict[str, str]]:
+def text_and_meanings(docstring: str, fields: list[str]) -> tuple[str, dict[str, str]]:
     """A docstring's own text, and what it says of single fields: `field: text` or `one, other: text`."""
     names = "|".join(sorted((re.escape(field) for field in fields), key=len, reverse=True))
     begins = list(re.finditer(rf"(?:^|(?<=[.;] ))((?:{names})(?:, (?:{names}))*): ", docstring)) if names else []
@@ -71,7 +71,7 @@ def default(info: FieldInfo) -> str:
 def allowed(info: FieldInfo) -> str:
     """Kind and limits of a setting."""
     choices = [each for each in info.metadata if isinstance(each, Choice)]
-    kind = chosen(choices[0]) if choices else told(info.annotation)
+    kind = chosen(choices[0]) if choices else type_in_words(info.annotation)
     return ", ".join(part for part in (kind, limits(info)) if part)
 
 
@@ -99,21 +99,21 @@ def model_in(annotation: Any) -> Model | None:
     return None
 
 
-def told(annotation: Any) -> str:
+def type_in_words(annotation: Any) -> str:
     """A type for people: `a` or `b`, number, list of ..."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         by_choice = next((chosen(part) for part in parts if isinstance(part, Choice)), None)
         extra = next((part.json_schema_extra for part in parts if isinstance(part, FieldInfo)), None) or {}
-        return by_choice or ", ".join(code(part) for part in extra.get("enum", ())) or told(parts[0])
+        return by_choice or ", ".join(code(part) for part in extra.get("enum", ())) or type_in_words(parts[0])
     if origin is Literal:
         return ", ".join(code(part) for part in parts)
     if origin in (Union, UnionType):
-        return " or ".join(told(part) for part in parts if part is not NoneType) + (
+        return " or ".join(type_in_words(part) for part in parts if part is not NoneType) + (
             ", or none" if NoneType in parts else ""
         )
     if origin is tuple:
-        return f"list of {told(parts[0])}"
+        return f"list of {type_in_words(parts[0])}"
     names = {float: "number", int: "whole number", bool: "true or false", str: "text"}
     return names.get(annotation) or typing.get_type_hints(annotation).__class__.__name__
 

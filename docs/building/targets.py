@@ -27,8 +27,8 @@ def row(target: Target) -> tuple[object, ...]:
     radii = ", ".join(f"{radius:g}" for radius in target.radii_km)
     said = target.model_dump()
     known = {"1-sigma of the radius": said.get("radius_sigma_km"), "relief": said.get("relief_km")}
-    told = ", ".join(f"{name} {value:g} km" for name, value in known.items() if value is not None)
-    return (code(target.name), target.naif_id, radii, told, target.basemap or "none", code(target.iau_crs or ""))
+    described = ", ".join(f"{name} {value:g} km" for name, value in known.items() if value is not None)
+    return (code(target.name), target.naif_id, radii, described, target.basemap or "none", code(target.iau_crs or ""))
 
 
 def planes(_: str = "") -> str:

@@ -13,8 +13,6 @@ from typer.main import get_group
 
 from flows.cli.contributed import add_contributed
 
-USAGE_ERROR = 2
-
 
 def build_app() -> typer.Typer:
     """The application with every command of this package and of those that contribute some."""

@@ -31,7 +31,8 @@ RECYCLE_AT = 0.6  # of the memory that an image may take: a process that keeps a
 
 
 class LostError(Exception):
-    """A process did not bring an image to its end. code: `timed-out`, `memory` or `worker-died`."""
+    """A process did not bring an image to its end. code: `timed-out`, `memory`, `worker-died`, or `interrupted`:
+    the pool was closed before it was begun."""
 
     def __init__(self, code: str, text: str) -> None:
         self.code = code
@@ -120,10 +121,11 @@ class Worker:
 
     def kill(self) -> None:
         """End the process and all that it started, now, and delete the temporaries that it leaves."""
-        with suppress(psutil.NoSuchProcess):
-            process = psutil.Process(self.pid)
-            for each in [*process.children(recursive=True), process]:
-                each.kill()
+        if self.is_alive:  # the number of an ended process may be another one's by now
+            with suppress(psutil.NoSuchProcess):
+                process = psutil.Process(self.pid)
+                for each in [*process.children(recursive=True), process]:
+                    each.kill()
         self._process.join()
         self._connection.close()
         for folder in self._folders:
@@ -155,15 +157,19 @@ class Pool:
         finally:
             with self._lock:
                 self._at_work.discard(worker)
-        if self.is_closed or (answer.get("resident_mb") or 0.0) > RECYCLE_AT * job["image_memory_mb"]:
-            worker.end()
-        else:
-            with self._lock:
+        is_large = (answer.get("resident_mb") or 0.0) > RECYCLE_AT * job["image_memory_mb"]
+        with self._lock:
+            is_kept = not (self.is_closed or is_large)
+            if is_kept:
                 self._idle.append(worker)
+        if not is_kept:
+            worker.end()
         return answer
 
     def _taken(self, threads: int) -> Worker:
         with self._lock:
+            if self.is_closed:  # an image of the task runner's queue: its run is ended
+                raise LostError("interrupted", "the run was ended before the image was begun.")
             alive = [worker for worker in self._idle if worker.is_alive]
             worker = alive.pop() if alive else Worker(threads)
             self._idle = alive

@@ -27,7 +27,8 @@ def write_isis_cube(source: Source, path: Path) -> Path:
     """Write the product as a band-sequential cube of 32-bit reals, NULL where a value is unknown, and return `path`.
 
     Bands (ISIS' phocube): image, phase, emission, incidence (degrees), planetocentric latitude, east longitude
-    (degrees), pixel resolution (metres). Line 1 is the top of the picture.
+    (degrees), pixel resolution (metres). Line 1 is the top of the picture. The label has the middle of the exposure
+    (ImageMidTime, UTC); ISIS' StartTime is its beginning, which products do not keep.
     """
     bands = [_band(source, plane, factor) for _, plane, factor in BANDS]
     lines, samples = bands[0].shape
@@ -46,7 +47,7 @@ def _band(source: Source, plane: str, factor: float) -> NDArray[np.float32]:
 
 def _label(source: Source, samples: int, lines: int) -> str:
     names = ", ".join(f'"{name}"' for name, *_ in BANDS)
-    start = _word(str(source.attributes.get("utc", "")).removesuffix("Z"))
+    middle = _word(str(source.attributes.get("utc", "")).removesuffix("Z"))
     return f"""Object = IsisCube
   Object = Core
     StartByte = {LABEL_BYTES + 1}
@@ -70,7 +71,7 @@ def _label(source: Source, samples: int, lines: int) -> str:
     SpacecraftName = {_quoted(source.camera.mission or source.camera.name)}
     InstrumentId   = {_quoted(source.camera.name)}
     TargetName     = {_quoted(source.target.name)}
-    StartTime      = {start or "NULL"}
+    ImageMidTime   = {middle or "NULL"}
   End_Group
 
   Group = Archive

@@ -48,8 +48,9 @@ def parts_of_pds4(frame: Frame, camera: Camera, flip: Flip | None) -> tuple[Part
     label = pds4_label_beside(frame.path)
     if label is None:
         return PartialPose(), ()
-    lines, samples = frame.observation.image.shape
-    return pose_from_pds4(label, camera, (samples, lines), flip, bool(frame.label.get(REVERSED_ROWS)))
+    lines, samples = frame.mode.shape or frame.observation.image.shape
+    is_reversed = bool(frame.label.get(REVERSED_ROWS))
+    return pose_from_pds4(label, camera, (samples, lines), flip, is_reversed, frame.mode.first_px)
 
 
 def orientation_of_header(

@@ -54,10 +54,11 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
     Raises RefusedError when camera or target stay unknown."""
     frame = frame_of(inputs.image, files)
     if frame.camera is None:
+        why = f", and {frame.unclear['camera']}" if "camera" in frame.unclear else ""
         raise RefusedError(
             Reason.CAMERA_UNKNOWN,
-            f"image {frame.path}: its label names no camera of the catalog.",
-            "Give --camera NAME (see `planetpose cameras`) or --camera FILE.toml.",
+            f"image {frame.path}: its label names no camera of the catalog{why}.",
+            "Give --camera NAME (see `planetpose cameras`), FILE.toml, kernels:NAME or isd:FILE.json.",
         )
     if frame.target is None:
         fault = frame.unclear.get("target", "its label names no target")

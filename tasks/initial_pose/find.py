@@ -91,12 +91,13 @@ def find_pose(
         pose, report = refined(observation, pose, scene if search.turn is not None else unmapped(scene), limb)
         if not has_map:
             break
-        again = search_map(observation, pose, scene, settings.map)
-        if again.turn is None:
-            search = again
+        again = search_map(observation, pose, scene, settings.map, search.followed)
+        search = replace(again, tried=search.tried + again.tried)
+        if search.turn is None or search.followed is None:
             break
-        pose = turned(pose, again.turn)
-        search = again
+        pose = turned(pose, search.turn)
+        # Turns of the new start: a better Sun moves none of them far.
+        search = replace(search, followed=search.turn.T @ search.followed)
     known = search.turn is not None
     by_shading = report.phase_sigma_deg or float(np.hypot(sun.phase_sigma_deg, ROUGH_SUN_DEG))
     sun_sigma = float(np.hypot(by_shading, SUN_SIGMA_DEG))

@@ -35,25 +35,28 @@ FIRST_SHARE, LAST_PX = 0.5, 0.25
 class MapSearch:
     """turn: (3, 3), `camera_from_body` found is that of the start times this; None where no orientation stands out.
     sigmas: the evidence for the best one, next_sigmas: for the next distinct one, in sigmas. tried: how many
-    orientations."""
+    orientations. followed: (n, 3, 3) the best of them, turns of the same start."""
 
     turn: Array | None
     sigmas: float | None = None
     next_sigmas: float | None = None
     tried: int = 0
+    followed: Array | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
         return {"sigmas": self.sigmas, "next_sigmas": self.next_sigmas, "tried": self.tried}
 
 
-def search_map(observation: Observation, pose: Pose, scene: Scene, settings: MapSearchSettings) -> MapSearch:
+def search_map(
+    observation: Observation, pose: Pose, scene: Scene, settings: MapSearchSettings, among: Array | None = None
+) -> MapSearch:
     """The turn of the body, of all there are, at which its map's markings are the image's.
 
     `pose` knows centre, range and Sun; its orientation counts for nothing. Shading is taken out as in every test of
     markings (`texture_of`); a grid of orientations is searched at low resolution, and the best are climbed from and
     compared at the image's own. One stands out as in those tests: by its evidence, and by more than twice that of the
-    next.
+    next. among: (n, 3, 3) turns of `pose`, in place of the grid's, where an earlier search has followed them.
     """
     if disk_radius_px(pose, scene.camera, scene.target) < settings.least_radius_px:
         return MapSearch(None)
@@ -62,10 +65,10 @@ def search_map(observation: Observation, pose: Pose, scene: Scene, settings: Map
     fine = texture_of(observation, pose, scene)
     if coarse is None or fine is None:
         return MapSearch(None)
-    turns = grid_of_turns(settings.step_deg)
+    turns = grid_of_turns(settings.step_deg) if among is None else among
     scores = grid_scores(coarse, scene, turns, settings.step_deg)
-    best = turns[np.argsort(-scores)[: settings.followed]]
-    scores, best = climbed_together(coarse, scene, best, settings.step_deg)
+    followed = turns[np.argsort(-scores)[: settings.followed]]
+    scores, best = climbed_together(coarse, scene, followed, settings.step_deg)
     starts = [best[i] for i in distinct_best(scores, best, settings.kept, settings.step_deg)]
     step = FIRST_SHARE * settings.step_deg
     climbed = ranked([climb(coarse, turn, step, LAST_PX * coarse.pixel_deg) for turn in starts])
@@ -77,7 +80,8 @@ def search_map(observation: Observation, pose: Pose, scene: Scene, settings: Map
     evidence, turn = found[0]
     other = found[1][0] if len(found) > 1 else 0.0
     stands_out = evidence > settings.sigmas**2 and is_better(evidence, other * settings.times_next / 2)
-    return MapSearch(turn if stands_out else None, signed_root(evidence), signed_root(other), len(turns))
+    chosen = turn if stands_out else None
+    return MapSearch(chosen, signed_root(evidence), signed_root(other), len(turns), followed)
 
 
 @lru_cache(maxsize=2)

@@ -10,7 +10,7 @@ from catalog.errors import RefusedError
 from catalog.observation import Observation
 from catalog.target import Target
 from tasks.initial_pose.disk import Disk, find_disks, lit_outside
-from tasks.initial_pose.edges import Edges, edges_of, values_at
+from tasks.initial_pose.edges import SPECK_PX, Edges, edges_of, values_at
 from tasks.initial_pose.limb import Limb, limb_along
 from tasks.initial_pose.settings import LimbSearchSettings
 from tasks.initial_pose.sun import SunInDisk, sun_of_disk
@@ -143,7 +143,10 @@ def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> Refused
     """Why no outline is known. short: a lit disk of whose limb too little is seen."""
     if short is None:
         return RefusedError(
-            "no-limb", "no edge of brightness in the frame is the limb of a lit body before a dark sky.", REMEDY
+            "no-limb",
+            "no edge of brightness in the frame is the limb of a lit body before a dark sky (disks of less than "
+            f"{2 * settings.least_radius_px:g} px and crescents thinner than {SPECK_PX} px are not looked for).",
+            REMEDY,
         )
     sigma = float(np.sqrt(short.limb.covariance[2, 2]))
     return RefusedError(

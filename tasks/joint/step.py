@@ -1,8 +1,8 @@
 """The cached step: joint.
 
-Where the disk told of the beam's bending (`bending.bending_shown`), the step also leaves the image displaced by it, and
-what is known of its distortion, for later steps to use in place of those of the step undistort; its result says so by
-`image_moved`.
+Where the disk shows the beam's bending (`beam_bending.bending_shown`), the step also leaves the image displaced by it,
+and what is known of its distortion, for later steps to use in place of those of the step undistort; its result says so
+by `image_moved`.
 """
 
 from typing import Any

@@ -73,8 +73,8 @@ def systematic(
 def times_usual(settings: SystematicSettings, blur: float, limb_gain: float) -> float:
     """How many times larger than usual the systematic errors of centre and range are. blur: width of the image's PSF, a
     trail included, over the camera's; what map and laws displace grows with it (measured: 0.19 px of the centre at
-    5 px, 0.03 px at 0.9 px). limb_gain: what map and laws get wrong of the limb's brightness (see `tiles.limb_gain`):
-    an edge is displaced in proportion."""
+    5 px, 0.03 px at 0.9 px). limb_gain: what map and laws get wrong of the limb's brightness (see
+    `tile_prior.limb_gain`): an edge is displaced in proportion."""
     return max(1.0, blur) * max(1.0, limb_gain / settings.limb_gain)
 
 

@@ -24,7 +24,6 @@ from tasks.kernels.names import (
 WIDTH = 78
 LONGEST_TEXT = 70  # SPICE's strings end at 80 characters; longer ones are continued
 TICKS_PER_S, FIRST_ET = 1_000_000, -1_600_000_000.0  # the clock counts microseconds of TDB from 1949
-SUFFIX_OF_ARCHITECTURE = {"FK": ".tf", "SCLK": ".tsc", "PCK": ".tpc", "MK": ".tm"}
 
 
 def write_text_kernel(path: Path, architecture: str, comment: Iterable[str], values: dict[str, Any]) -> None:

@@ -15,9 +15,8 @@ from catalog.settings import DEFAULT_PROFILE
 from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings
 from tasks.diagnose.settings import DiagnoseSettings
-from tasks.initial_pose import ImagePoseSettings
-from tasks.joint import JointSettings
-from tasks.joint.settings import Group
+from tasks.initial_pose.settings import ImagePoseSettings
+from tasks.joint.settings import Group, JointSettings
 from tasks.point import PointSettings
 from tasks.profile.layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.range import RangeSettings

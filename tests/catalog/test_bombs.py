@@ -238,6 +238,6 @@ def test_a_code_tree_as_deep_as_it_can_be_is_decoded_without_recursion() -> None
 )
 def test_labels_that_would_busy_or_break_the_parser_are_no_labels(text: str) -> None:
     started = time.process_time()
-    with pytest.raises(ValueError, match="no PDS3 label"):
+    with pytest.raises(ValueError, match="no sound label"):
         parse_label(text)
     assert time.process_time() - started < LONGEST_S

@@ -108,3 +108,18 @@ def test_a_twist_is_used_only_where_the_north_azimuth_agrees() -> None:
 )
 def test_a_twist_that_is_not_known_gives_nothing(changes: dict[str, Any]) -> None:
     assert twist_of_label(LABEL | changes) is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "fault"),
+    [
+        ({"CRVAL1": None}, "lack CRVAL1"),
+        ({"CRPIX2": "x"}, "lack CRPIX2"),
+        ({"CRVAL2": float("nan")}, "cannot be read"),
+        ({"CTYPE1": "RA---SIN", "CTYPE2": "DEC--SIN", "CD1_1": 1.0, "CD2_2": 1.0}, "no place on the sky"),
+    ],
+)
+def test_coordinates_that_say_no_place_are_named(changes: dict[str, Any], fault: str) -> None:
+    header = header_of(Rotation.random(random_state=4).as_matrix(), None) | changes
+    with pytest.raises(RefusedError, match=fault):
+        orientation_of_wcs({key: value for key, value in header.items() if value is not None}, camera(), (400, 400))

@@ -15,10 +15,12 @@ from formats import isis_cube, pds3_label, pds4_label
 from numpy.typing import NDArray
 from PIL import Image
 
+from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.image_mode import ImageMode
 from catalog.observation import Quality
 from catalog.readers import read_frame
+from catalog.readers.pds3_array import special_value
 
 LINES, SAMPLES = 60, 77
 PICTURE = np.random.default_rng(1).integers(20, 4000, (LINES, SAMPLES))
@@ -145,6 +147,88 @@ def test_pds4_images(kind: str, axes: tuple[str, ...], tmp_path: Path) -> None:
     frame = read_frame(tmp_path / "a.img", plane=plane)
     assert (frame.target, frame.exposure_s) == ("europa", 0.25)
     assert frame.sources["time"] == "start_date_time and stop_date_time"
+
+
+def test_a_pds4_array_of_samples_before_lines_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.xml").write_text(pds4_label(of_kind("u1"), ("Sample", "Line"), "a.img"))
+    (tmp_path / "a.img").write_bytes(of_kind("u1").tobytes())
+    with pytest.raises(RefusedError, match="lines before samples"):
+        read_frame(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize(
+    ("value", "kind", "expected"),
+    [
+        (float("inf"), "i2", None), (float("nan"), ">f4", None), (int("F" * 20, 16), ">f4", None), (True, "u1", None),
+        (70000, "i2", None), (-32768.0, "i2", -32768), ("16#FF7FFFFB#", ">f8", -3.4028227e38),
+        (0xFF7FFFFB, ">f4", -3.4028227e38), (0xFFEFFFFFFFFFFFFB, ">f8", -1.7976931348623149e308),
+        ("-1.0E32", "f4", -1e32),
+    ],
+)  # fmt: skip
+def test_special_values_of_labels(value: Any, kind: str, expected: float | None) -> None:
+    found = special_value(value, np.dtype(kind))
+    assert found is None if expected is None else found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 7])
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_members_that_begin_at_the_end_of_a_chunk(
+    pack: Callable[[bytes], bytes], chunk: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    np.save(tmp_path / "a.npy", PICTURE.astype("i2"))
+    content = (tmp_path / "a.npy").read_bytes()
+    first = pack(content[:1000])
+    (tmp_path / "b.npy.packed").write_bytes(first + pack(content[1000:]))
+    monkeypatch.setattr("catalog.readers.packed.CHUNK_BYTES", len(first) + chunk)
+    same(tmp_path / "b.npy.packed", PICTURE.astype("i2"))
+
+
+KEYWORDS = """Object = NaifKeywords
+  INS-999001_FOCAL_LENGTH     = 100.0
+  INS-999001_PIXEL_PITCH      = 0.01
+  INS-999001_BORESIGHT_SAMPLE = 30.0
+  INS-999001_BORESIGHT_LINE   = 20.0
+End_Object
+End
+"""
+
+
+def cube_with_keywords(keywords: str) -> bytes:
+    cube = isis_cube(of_kind("<i2")[None], None, more="Group = Kernels\n NaifFrameCode = -999001\nEnd_Group")
+    label, rest = cube[:4096].rstrip(b"\0"), cube[4096:]
+    return (label.removesuffix(b"End\n") + keywords.encode()).ljust(4096, b"\0") + rest
+
+
+def test_a_cube_carries_the_camera_that_the_catalog_lacks(tmp_path: Path) -> None:
+    path = tmp_path / "a.cub"
+    path.write_bytes(cube_with_keywords(KEYWORDS))
+    frame = read_frame(path)
+    assert frame.camera == f"isis:{path}"
+    assert frame.sources["camera"] == "NaifKeywords"
+    camera = find_camera(frame.camera)
+    assert camera.centre_px == (29.0, 19.0)
+    assert camera.size_px == (SAMPLES, LINES)
+    assert read_frame(path, "cassini-nac", mode=ImageMode(1, (0, 0, SAMPLES, LINES))).camera == "cassini-nac"
+    (tmp_path / "b.cub.gz").write_bytes(gzip.compress(path.read_bytes()))
+    assert read_frame(tmp_path / "b.cub.gz").camera is None
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("FOCAL_LENGTH ", "OTHER_LENGTH ", "focal length"),
+        ("PIXEL_PITCH      = 0.01", "PIXEL_PITCH = 1e400", "pixels' size"),
+        ("End_Object", "INS-999001_TRANSX = (0, 1, 1)\nINS-999001_TRANSY = (0, 2, 2)\nEnd_Object", "onto one line"),
+        ("End_Object", "INS-999001_PIXEL_SAMPLES = 1e400\nINS-999001_PIXEL_LINES = 9\nEnd_Object", "make no camera"),
+    ],
+)
+def test_keywords_that_make_no_camera_say_why(old: str, new: str, fault: str, tmp_path: Path) -> None:
+    (tmp_path / "a.cub").write_bytes(cube_with_keywords(KEYWORDS.replace(old, new)))
+    frame = read_frame(tmp_path / "a.cub")
+    assert frame.camera is None
+    assert fault in frame.unclear["camera"]
+    with pytest.raises(RefusedError, match=fault):
+        find_camera(f"isis:{tmp_path}/a.cub")
 
 
 def test_a_label_whose_image_is_a_fits_file(tmp_path: Path) -> None:

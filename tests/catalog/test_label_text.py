@@ -41,7 +41,7 @@ def test_pds3_text_is_a_label_of_plain_values_or_none(statements: list[tuple[str
         label = parse_label("\n".join("".join(parts) for parts in statements) + end)
     except ValueError as error:
         fault = str(error)
-    assert not fault or "no PDS3 label" in fault
+    assert not fault or "no sound label" in fault
     assert all(isinstance(key, str) for key in label)
 
 

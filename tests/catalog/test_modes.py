@@ -14,11 +14,13 @@ from small_vicar import vicar_file
 
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
+from catalog.flips import PLACES, Flip, flipped
 from catalog.image_mode import FULL_FRAME, ImageMode
 from catalog.observation import Frame, Quality
 from catalog.readers import read_frame
 from catalog.readers.keywords import facts_of_keywords
 from catalog.readers.names import target_of_label, targets_of_label
+from catalog.readers.stated_mode import stated_mode
 
 RNG = np.random.default_rng(4)
 SSI = "MISSION='GALILEO' SENSOR='SSI' TARGET='IO'"
@@ -62,6 +64,40 @@ def test_cassinis_modes_are_in_the_label(mode: str, summing: int, tmp_path: Path
     assert frame.mode.summing == summing
     assert frame.sources.get("mode", "INSTRUMENT_MODE_ID") == "INSTRUMENT_MODE_ID"
     assert not any("frame's size" in warning for warning in frame.warnings)
+
+
+@pytest.mark.parametrize(
+    ("word", "summing"),
+    [("SUMMED", 2), ("SUMMATION", 2), ("PIXEL_SUMMATION", 2), ("UNSUMMED", None), ("NOT SUMMED", None), ("FULL", None)],
+)
+def test_words_for_summing(word: str, summing: int | None) -> None:
+    assert stated_mode({"FRAME_MODE_ID": word}).summing == summing
+
+
+def test_a_window_of_half_the_size_whose_place_the_label_states_is_not_summed(tmp_path: Path) -> None:
+    pixels = picture(512, 512)
+    path = vicar_file(tmp_path / "a.img", pixels, f"{ISS} FIRST_LINE=201 FIRST_LINE_SAMPLE=101")
+    frame = read_frame(path)
+    assert (frame.mode.summing, frame.mode.window) == (1, (100, 200, 512, 512))
+    lies_at(frame, pixels, 100, 200)
+
+
+@pytest.mark.parametrize("summing", [1, 2])
+@pytest.mark.parametrize("flip", PLACES)
+def test_a_stated_window_lies_in_a_flipped_picture_where_it_lies_in_the_flipped_frame(
+    flip: Flip, summing: int, tmp_path: Path
+) -> None:
+    """As a whole frame of the same camera shows it, flipped in the same way."""
+    side = 1024 // summing
+    whole = picture(side, side)
+    x, y, lines, samples = 30, 140, 200, 260
+    cut = whole[y : y + lines, x : x + samples]
+    keywords = f"{ISS} SUMMING_MODE={summing} FIRST_LINE={y * summing + 1} FIRST_LINE_SAMPLE={x * summing + 1}"
+    frame = read_frame(vicar_file(tmp_path / "a.img", cut, keywords), flip=flip)
+    inside = frame.observation.quality & Quality.OUTSIDE_WINDOW == 0
+    assert inside.sum() == cut.size
+    assert np.array_equal(frame.observation.image[inside], flipped(whole, flip)[inside])
+    assert frame.mode.summing == summing
 
 
 @pytest.mark.parametrize("telemetry", ["HIS", "AI8"])

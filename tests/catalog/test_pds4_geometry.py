@@ -134,3 +134,15 @@ def test_the_clock_angle_of_a_real_label_agrees_with_its_sun_and_its_quaternion(
     quaternion = [0.5793975569923115, 0.3215769780838686, 0.6677051115334547, 0.3391999442067836]
     axes = np.abs(orientation @ Rotation.from_quat(quaternion).as_matrix())
     assert np.sort(axes, axis=1) == pytest.approx(np.array([[0.0, 0.0, 1.0]] * 3), abs=2e-3)
+
+
+def test_the_orientation_is_that_of_a_windows_centre(tmp_path: Path) -> None:
+    """A window of the frame: the label's right ascension and declination are those of the window's centre."""
+    path = tmp_path / "picture.xml"
+    path.write_text(label_text())  # of the frame's centre, (199.5, 199.5)
+    first = (150, 120)
+    parts, _ = pose_from_pds4(path, camera(), (100, 80), None, first_px=first)
+    assert parts.camera_from_j2000 is not None
+    sky = ORIENTATION.T @ camera().detector_ray(np.array([199.5, 199.5]))
+    centre = np.array(first) + (np.array([100, 80]) - 1) / 2
+    assert parts.camera_from_j2000.T @ camera().detector_ray(centre) == pytest.approx(sky, abs=1e-12)

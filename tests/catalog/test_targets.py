@@ -270,3 +270,45 @@ def test_relief_is_as_told_or_that_of_bodies_of_its_size(
 
 def test_a_shape_model_has_its_relief_in_it() -> None:
     assert Target(name="body", naif_id=1, radii_km=(10.0,) * 3, shape="body.obj").expected_relief_km == 0
+
+
+PCK_OF_DEGREE = """KPL/PCK
+\\begindata
+BODY{system}_NUT_PREC_ANGLES = ( {angles} )
+{degree}
+BODY{body}_RADII = ( 13.0 11.4 9.1 )
+BODY{body}_POLE_RA = ( 317.67 -0.1084 0.0 )
+BODY{body}_POLE_DEC = ( 52.88 -0.0613 0.0 )
+BODY{body}_PM = ( 35.18 1128.84475928 0.0 )
+BODY{body}_NUT_PREC_RA = ( 1.78 1.2 )
+BODY{body}_NUT_PREC_DEC = ( -1.08 0.4 )
+BODY{body}_NUT_PREC_PM = ( -1.42 0.3 )
+\\begintext
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "system", "angles", "degree"),
+    [
+        (401, 4, "190.7 19139.3 21.4 38280.6", ""),
+        (401, 4, "190.7 19139.3 0.01 21.4 38280.6 -5.0", "BODY4_MAX_PHASE_DEGREE = 2"),
+        (65040, 6, "190.7 19139.3 21.4 38280.6", ""),
+    ],
+)
+def test_nutation_angles_of_a_pck_are_paired_as_spice_pairs_them(
+    body: int, system: int, angles: str, degree: str, tmp_path: Path
+) -> None:
+    """pck00011 has quadratic angles for Mars and its moons (BODY4_MAX_PHASE_DEGREE); 65040 is a moon too."""
+    import spiceypy
+
+    from catalog.pck import target_from_pck
+    from catalog.spice import kernel_pool
+
+    names = f"\\begindata\nNAIF_BODY_NAME += ( 'TEST_MOON' )\nNAIF_BODY_CODE += ( {body} )\n\\begintext\n"
+    pck = tmp_path / "test.tpc"
+    pck.write_text(PCK_OF_DEGREE.format(body=body, system=system, angles=angles, degree=degree) + names)
+    rotation = target_from_pck("TEST_MOON", [pck]).rotation
+    assert rotation is not None
+    with kernel_pool([pck]):
+        for et in (0.0, 7.5e8, -6.0e8):
+            assert rotation.body_from_j2000(et) == pytest.approx(spiceypy.tipbod("J2000", body, et), abs=1e-10)

@@ -156,13 +156,15 @@ def every_module(root: Path) -> Iterator[tuple[str, Path]]:
             yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
 
 
-def test_the_judgement_has_all_that_the_flow_of_an_image_imports_beside_the_steps() -> None:
+def test_the_verdict_has_all_that_the_flow_of_an_image_imports_beside_the_steps() -> None:
     assert len(verdict_version()) == 16
     bodies = frozenset(step.module for step in STEPS) | {"tasks.registry"}
     reached = Sources(PROJECT_ROOT).reached_from("flows.image", bodies)
     needed = {"flows.inputs", "flows.chain", "flows.request", "tasks.profile", "flows.verdict"}
     assert needed <= reached
     assert not reached & bodies
+    # what a step alone runs redoes that step, and a product only where it comes to another pose
+    assert not reached & {"tasks.initial_pose.find", "tasks.joint.find_pose", "tasks.joint.gauss_newton"}
 
 
 def test_every_body_says_in_its_types_what_it_needs_and_what_it_finds() -> None:

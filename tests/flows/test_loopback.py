@@ -166,7 +166,7 @@ def test_a_proxy_that_is_not_there_is_named_without_its_password(
     if "all" in variable:  # urllib knows none for all schemes; httpx does
         monkeypatch.setattr(reachable, "_fault_of", lambda url: "unreachable")
     told = fault_at("http://prefect.example.org/api")
-    assert f"asked through {variable}=http://...@127.0.0.1:9" in told
+    assert f"The request went through {variable}=http://...@127.0.0.1:9" in told
     assert "no_proxy=prefect.example.org" in told
     assert "secret" not in told
 

@@ -133,3 +133,44 @@ def test_prefect_tries_again_only_after_faults_that_can_pass(
     state = one_image(return_state=True)
     assert seen == [fault] * attempts
     assert state.is_failed()
+
+
+def test_after_its_end_a_pool_begins_nothing_until_it_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An image that waits in the task runner's queue when the run is interrupted would else be done to its end."""
+    from flows.reprocessing import pool as pools
+
+    begun: list[int] = []
+
+    class Begun:
+        is_alive = True
+
+        def __init__(self, threads: int) -> None:
+            begun.append(threads)
+
+        def do(self, *_: Any) -> dict[str, Any]:
+            return {"kind": "end"}
+
+        def end(self) -> None:
+            self.is_alive = False
+
+    monkeypatch.setattr(pools, "Worker", Begun)
+    processes = pools.Pool()
+    processes.close()
+    with pytest.raises(LostError, match="interrupted"):
+        processes.do(LIMITS, said)
+    assert begun == []
+    processes.open()
+    assert processes.do({"threads": 3} | LIMITS, said) == {"kind": "end"}
+    assert begun == [3]
+
+
+def test_an_image_that_a_closed_pool_does_not_begin_leaves_no_outcome(tmp_path: Path) -> None:
+    from flows.reprocessing.image_task import InterruptedRunError, do_image
+    from flows.reprocessing.pool import Pool
+
+    processes = Pool()
+    processes.close()
+    request = {"product": "one", "store": str(tmp_path)}
+    with pytest.raises(InterruptedRunError):
+        do_image({"request": request} | LIMITS, processes)
+    assert list(tmp_path.rglob("*.json")) == []

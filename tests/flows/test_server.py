@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.server import ServerFiles, ensure_server, is_held, running_server, stop_server
+from flows.server import ServerFiles, ServerRecord, ensure_server, is_held, running_server, stop_server
 
 STUB = """
 import sys
@@ -281,6 +281,20 @@ def test_nobody_else_can_read_the_password_or_the_database(files: ServerFiles) -
     again = files.read()
     assert again is not None
     assert again.credentials != first
+
+
+def test_what_a_killed_keeper_left_does_not_open_the_next_password_to_others(tmp_path: Path) -> None:
+    files = ServerFiles(tmp_path)
+    elsewhere = tmp_path / "elsewhere"
+    for stale in (lambda path: path.touch(mode=0o644), lambda path: path.symlink_to(elsewhere)):
+        stale(files.record.with_suffix(".new"))
+        files.write(ServerRecord("http://127.0.0.1:1/api", 1, 2, "planetpose:secret"))
+        record = files.read()
+        assert record is not None
+        assert record.credentials == "planetpose:secret"
+        assert not files.record.is_symlink()
+        assert files.record.stat().st_mode & 0o077 == 0
+    assert not elsewhere.exists()
 
 
 def test_the_local_server_does_nothing_without_its_password(prefect_api: str) -> None:

@@ -10,8 +10,8 @@ from catalog.observation import Observation
 from catalog.reseau import find_reseau_table
 from flows.cli import build_app
 from lab.benchmark.undistortion import benchmark_undistortion
+from lab.simulate.writers.fits import write_fits
 from tasks.distortion.report import distortion_report
-from tasks.publish.fits import write_fits
 from tasks.undistort.mark_fit import spot
 
 FIGURES = ("rmsd_px", "leave_one_out_px", "leave_one_out_median_px", "condition_number")

@@ -8,8 +8,8 @@ import pytest
 from catalog.camera import known_cameras
 from catalog.digest import sha256_of_file
 from catalog.observation import Observation
+from lab.simulate.writers.fits import write_fits
 from tasks.image_file import ImageInputs
-from tasks.publish.fits import write_fits
 from tasks.stored import load_arrays, load_observation
 from tasks.undistort import UndistortSettings
 from tasks.undistort.step import DISTORTION, UndistortFiles, UndistortInputs, run

@@ -17,6 +17,7 @@ from small_product import small_publication
 
 from catalog.errors import RefusedError
 from catalog.observation import Quality
+from catalog.readers import read_frame
 from catalog.rotation import rotation_from_vector_deg
 from tasks.export.fits import write_backplanes
 from tasks.export.pixels import Selection, pixel_table
@@ -81,6 +82,9 @@ def test_gdal_and_pvl_read_the_isis_cube(store, files):
         label = pvl.load(str(files["isis-cube"]))
     assert list(label["IsisCube"]["BandBin"]["Name"])[:2] == ["Image", "Phase Angle"]
     assert label["IsisCube"]["Instrument"]["TargetName"] == "europa"
+    again = read_frame(files["isis-cube"], plane="Image")
+    assert (again.target, again.sources["time"]) == ("europa", "IMAGE_MID_TIME")
+    assert again.et == pytest.approx(source.pose.et, abs=2e-3)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         with rasterio.open(files["isis-cube"]) as cube:
