@@ -93,9 +93,10 @@ def incomplete_frame(observation: Observation, scene: Scene, settings: DiagnoseS
     share = float(np.mean(~observation.usable & ((observation.quality & meant) == 0)))
     if share < settings.incomplete:
         return None
+    most = "more than 99%" if share > 0.99 else f"{share:.0%}"
     return Diagnosis(
         Reason.FRAME_INCOMPLETE,
-        f"{share:.0%} of the frame's pixels are missing or flagged as bad, and the rest shows too little of "
+        f"{most} of the frame's pixels are missing or flagged as bad, and the rest shows too little of "
         f"{scene.target.name} and its limb.",
         "Give the whole frame.",
         None,

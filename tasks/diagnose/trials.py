@@ -14,6 +14,7 @@ from catalog.basemap import uniform_map
 from catalog.errors import FailedError, PlanetposeError
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from tasks.compare.brightness import brightness_columns, correlation, robust_least_squares
 from tasks.compare.likeness import with_rim
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
@@ -108,8 +109,13 @@ def tried(
     for number, (candidate, find) in enumerate(seen, 1):
         if progress:
             progress("diagnose", number, f"{candidate.name}: {find.score:.2f}")
-        if candidate.name == "as-predicted" or find.score >= max(worth, settings.least_score):
+        if candidate.name != "as-predicted" and find.score < max(worth, settings.least_score):
+            continue
+        try:
             found.append(refined(candidate, find, pose, plain, scene, settings, compared))
+        except FailedError as error:  # where the image has no values, nothing is explained
+            if error.code != Reason.NO_USABLE_PIXELS:
+                raise
     radius = disk_radius_px(pose, scene.camera, scene.target)
     places = int(observation.image.size / max(np.pi * radius**2, 1.0)) + 1
     return Tried(found, sum(len(family) for family in all_families), places)

@@ -11,11 +11,14 @@ from hostile import CAMERA, Hostile, beside, corrected, is_told, off_px, scenes,
 from ray_caster import exposed, pose_of, rendered
 
 from catalog.basemap import map_of_target, uniform_map
+from catalog.errors import FailedError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.readers.noise import measured_noise
+from catalog.reasons import Reason
 from catalog.target import find_target
-from tasks.diagnose import DiagnoseSettings, tried
+from tasks.diagnose import DiagnoseSettings, trials, tried
+from tasks.diagnose.candidates import Candidate
 from tasks.diagnose.choice import diagnosis_of, incomplete_frame
 from tasks.diagnose.others import without_others
 from tasks.simulate import Scene, SceneSettings
@@ -85,6 +88,25 @@ def test_a_frame_that_is_mostly_missing_is_told_so() -> None:
     assert cause.code == "frame-incomplete"
     assert cause.fault.startswith("61% of the frame's pixels are missing")
     assert incomplete_frame(observed(np.ones((256, 256))), scene, SETTINGS) is None
+
+
+@pytest.mark.parametrize("code", [Reason.NO_USABLE_PIXELS, Reason.INTERRUPTED])
+def test_an_explanation_that_lies_on_no_values_is_left_out_and_ends_nothing(
+    code: Reason, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise FailedError(code, "nothing to see.", "")
+
+    (hostile,) = chosen("truncated-0")
+    observation, scene = observed(hostile.image), scene_of(hostile)
+    predicted = Candidate("as-predicted", 1.0, observation, hostile.pose)
+    monkeypatch.setattr(trials, "families", lambda *_: [[predicted]])
+    monkeypatch.setattr(trials, "refined", fails)
+    if code == Reason.NO_USABLE_PIXELS:
+        assert tried(observation, hostile.pose, scene, SETTINGS).found == []
+    else:
+        with pytest.raises(FailedError, match="nothing to see"):
+            tried(observation, hostile.pose, scene, SETTINGS)
 
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 77.0, 181.0, 300.0])
