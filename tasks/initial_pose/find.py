@@ -14,6 +14,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.spice_pose import LIGHT_KM_PER_S
 from catalog.target import Target
+from tasks.attitude.solve import AttitudeSettings, find_attitude
 from tasks.initial_pose.limb import Limb
 from tasks.initial_pose.map_search import MapSearch, search_map
 from tasks.initial_pose.outline import Found, find_outline
@@ -99,6 +100,8 @@ def find_pose(
         # Turns of the new start: a better Sun moves none of them far.
         search = replace(search, followed=search.turn.T @ search.followed)
     known = search.turn is not None
+    if known:
+        pose = aligned(observation, pose, scene, settings.map.sigma_deg)
     by_shading = report.phase_sigma_deg or float(np.hypot(sun.phase_sigma_deg, ROUGH_SUN_DEG))
     sun_sigma = float(np.hypot(by_shading, SUN_SIGMA_DEG))
     by_time = known_by_time(pose, scene, et, kernels)
@@ -177,6 +180,13 @@ def turned(pose: Pose, turn: Array) -> Pose:
     )
 
 
+def aligned(observation: Observation, pose: Pose, scene: Scene, sigma_deg: float) -> Pose:
+    """The pose with the orientation of optical flow between the markings of image and map: the Sun of a known time is
+    as far off in the image as the orientation is. sigma_deg: 1-sigma of the orientation of `pose`."""
+    found = find_attitude(observation, pose, scene, AttitudeSettings(), prior_deg=sigma_deg).pose
+    return turned(pose, pose.camera_from_body.T @ found.camera_from_body)
+
+
 def refined(observation: Observation, pose: Pose, scene: Scene, limb: Limb) -> tuple[Pose, SunReport]:
     """The pose with centre, range and Sun of least squares on the whole disk, which know how a limb is blurred and
     darkened; as it was where they do not come to rest, or end elsewhere than the limb allows."""
@@ -220,7 +230,7 @@ def evidence_of_parts(
         "limb_arc_deg": limb.arc_deg,
         "limb_scatter_px": limb.residual_px,
         "flattening": float(np.hypot(*limb.flattening)),
-        "diameter_px": 2 * disk_radius_px(pose, scene.camera, scene.target),
+        "diameter_px": float(2 * disk_radius_px(pose, scene.camera, scene.target)),
         "likeness": found.outline.sun.likeness,
         "phase_deg": pose.phase_deg,
         "phase_sigma_deg": report.phase_sigma_deg,

@@ -88,6 +88,21 @@ def stars() -> Observation:
     return observed(image)
 
 
+def tiny_disk() -> Observation:
+    return observed(disk(radius=2.5, phase_deg=20.0))
+
+
+def thin_crescent() -> Observation:
+    return observed(disk(radius=7.0, phase_deg=165.0))
+
+
+@pytest.mark.parametrize("frame", [tiny_disk, thin_crescent])
+def test_a_refusal_names_the_disks_that_are_not_looked_for(frame) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RefusedError, match=r"less than 8 px and crescents thinner than 5 px") as refusal:
+        find_outline(frame(), EUROPA, SETTINGS.limb)
+    assert refusal.value.code == "no-limb"
+
+
 @pytest.mark.parametrize("frame", [noise_alone, straight_edge, surface_alone, stars])
 def test_a_frame_without_a_whole_curve_of_limb_is_refused(frame) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(RefusedError) as refusal:
