@@ -50,6 +50,7 @@ def frame_of_reading(
     target = target_of_label(target_name) if target_name else reading.target
     same_target = target_name is None or target == reading.target
     overruled = overruled_label(reading, camera if camera_name else None, target if target_name else None)
+    reading = _without_lowest(reading)
     reading = _without_filling(reading if camera is None else _in_its_units(reading, camera))
     mode, undistorted = given_mode or _stated(reading), bool(reading.undistorted)
     if camera is not None:
@@ -78,6 +79,19 @@ def frame_of_reading(
         warnings=(*reading.time.contradictions, *reading.remarks, *remarks_of_mode(mode, reading)),
         unclear=_unclear(reading, target, no_camera),
     )
+
+
+def _without_lowest(reading: Reading) -> Reading:
+    """The reading with the lowest number of signed 16 and 32 bit samples MISSING: by custom it is no data (NULL of
+    ISIS, and what VICAR programs write around a resampled picture)."""
+    image = reading.image
+    if image.dtype.kind != "i" or image.dtype.itemsize < 2:
+        return reading
+    lowest = image == np.iinfo(image.dtype).min
+    if not lowest.any():
+        return reading
+    quality = np.zeros(image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
+    return replace(reading, quality=np.where(lowest, quality | np.uint16(Quality.MISSING), quality))
 
 
 def _without_filling(reading: Reading) -> Reading:
@@ -143,7 +157,8 @@ def _undistorted(reading: Reading, camera: Camera) -> bool:
 def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observation:
     with np.errstate(invalid="ignore"):
         sound = np.abs(reading.image) < NULL_MAGNITUDE  # false for NaN too
-    _check_steps(path, reading.image, sound)
+    missing = False if reading.quality is None else (reading.quality & np.uint16(Quality.MISSING)) > 0
+    _check_steps(path, reading.image, sound & ~np.asarray(missing))
     image = np.where(sound, reading.image, 0).astype(np.float32)
     quality = np.zeros(image.shape, np.uint16) if reading.quality is None else reading.quality.astype(np.uint16)
     quality[~sound] |= np.uint16(Quality.MISSING)

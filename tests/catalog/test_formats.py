@@ -305,6 +305,15 @@ def test_planes_of_fits_by_number_and_name(tmp_path: Path) -> None:
         read_frame(tmp_path / "nameless.fits")
 
 
+@pytest.mark.parametrize("kind", ["<i2", ">i2", "i4"])
+def test_the_lowest_number_of_signed_samples_is_no_data(kind: str, tmp_path: Path) -> None:
+    pixels = PICTURE.astype(kind)
+    pixels[5, 7] = pixels[20, 3] = np.iinfo(kind).min
+    np.save(tmp_path / "a.npy", pixels)
+    missing = read_frame(tmp_path / "a.npy").observation.quality & Quality.MISSING > 0
+    assert np.argwhere(missing).tolist() == [[5, 7], [20, 3]]
+
+
 @pytest.mark.parametrize("sky", [0, 7])
 def test_what_follows_the_pixels_of_fits(sky: int, tmp_path: Path) -> None:
     """A byte or a block more is no fault; bytes lost or put in are, wherever that can be seen."""
