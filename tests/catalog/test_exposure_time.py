@@ -157,7 +157,7 @@ SCET = "80.346 18:57:23"
 
 def label(**changed: str) -> dict[str, str]:
     usual = {"START_TIME": START, "STOP_TIME": STOP, "IMAGE_TIME": IMAGE, "EXPOSURE_DURATION": "15.360 <SECOND>"}
-    return usual | changed
+    return usual | {"TARGET_NAME": "JUPITER"} | changed
 
 
 @pytest.mark.parametrize("key", ["START_TIME", "STOP_TIME", "IMAGE_TIME"])
