@@ -1,5 +1,6 @@
 """Made cameras as files, and any camera under the conditions of an image."""
 
+import os
 from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
@@ -32,7 +33,7 @@ def _written(name: str, kernels: tuple[Path, ...], folder: Path, content: str | 
     path = folder / f"{camera.name}-{digest[:12]}.toml"
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_name(f".{path.name}.tmp")
+        temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")  # other processes may write it, too
         temporary.write_text(camera.to_toml(), encoding="utf-8")
         temporary.replace(path)
     return path
@@ -45,3 +46,10 @@ def camera_of(
     if name.lower().startswith(KERNELS):
         return camera_from_dict(made_content(name, kernels, filter_name, temperature_c), f"of {name}")
     return find_camera(name, kernels).at(filter_name, temperature_c)
+
+
+def write_camera(camera: Camera, path: Path) -> None:
+    """Write a camera as a TOML file. Raises RuntimeError when that is not read as the same camera."""
+    path.write_text(camera.to_toml(), encoding="utf-8")
+    if find_camera(str(path)) != camera:
+        raise RuntimeError(f"{path} is not read as the camera that was written")

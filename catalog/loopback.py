@@ -97,3 +97,12 @@ def open_url(url: str, timeout_s: float):  # type: ignore[no-untyped-def]
     """`urllib.request.urlopen`, without a proxy where `url` is this machine's own."""
     direct = [ProxyHandler({})] if is_loopback(host_of(url)) else []
     return build_opener(*direct).open(url, timeout=timeout_s)
+
+
+def is_address(text: str) -> bool:
+    """Whether a text has the form of an API's URL."""
+    try:
+        parts = urlsplit(text)
+        return parts.scheme in ("http", "https") and bool(parts.hostname)
+    except ValueError:
+        return False

@@ -41,17 +41,13 @@ def camera(
     temperature: Annotated[float | None, typer.Option(help="Of the focal plane, degrees Celsius.")] = None,
 ) -> None:
     """Show one camera as a camera file (TOML) with its sources, or write it."""
-    from catalog.camera import find_camera
-    from catalog.camera_store import camera_of
+    from catalog.camera_store import camera_of, write_camera
 
     made = camera_of(name, kernels or None, filter_name, temperature)
-    text = made.to_toml()
     if out is None:
-        print(text, end="")
+        print(made.to_toml(), end="")
         return
-    out.write_text(text, encoding="utf-8")
-    if find_camera(str(out)) != made:
-        raise RuntimeError(f"{out} is not read as the camera that was written")
+    write_camera(made, out)
     print(f"{out}: {made.name}, {made.size_px[0]}x{made.size_px[1]} px, f = {made.focal_length_px:.3f} px")
 
 

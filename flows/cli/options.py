@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
-from urllib.parse import urlsplit
 
 import typer
 from annotated_types import Ge, Le
@@ -23,6 +22,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stder
 
 def known_server(option: str | None) -> str | None:
     """The option as it is; what it and the environment come to must be a server, or it is wrong usage."""
+    from catalog.loopback import is_address
     from flows.prefect_settings import EMBEDDED, LOCAL, server_choice
 
     choice = server_choice(option)
@@ -30,15 +30,6 @@ def known_server(option: str | None) -> str | None:
         fault = f"{choice!r} is neither {LOCAL}, {EMBEDDED} nor the URL of an API such as http://127.0.0.1:4200/api."
         raise typer.BadParameter(fault)
     return option
-
-
-def is_address(text: str) -> bool:
-    """Whether a text has the form of an API's URL."""
-    try:
-        parts = urlsplit(text)
-        return parts.scheme in ("http", "https") and bool(parts.hostname)
-    except ValueError:
-        return False
 
 
 Server = Annotated[
