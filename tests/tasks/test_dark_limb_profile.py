@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import median_abs_deviation
 
 from tasks.validate.dark_limb import FEWEST_IN_BIN, REACH_PX, medians, radial_profile
 
@@ -23,7 +24,7 @@ def test_a_profile_has_the_medians_of_its_rings_and_their_errors() -> None:
     assert profile is not None
     for k, (middle, error) in enumerate(zip(*profile, strict=True)):
         own = values[np.rint(outward) == k - REACH_PX]
-        scatter = max(1.4826 * np.median(np.abs(own - np.median(own))), 0.5)
+        scatter = max(median_abs_deviation(own, scale="normal"), 0.5)
         assert (middle, error) == pytest.approx((np.median(own), 1.25 * scatter / np.sqrt(len(own))))
 
 
