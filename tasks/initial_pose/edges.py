@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import Observation
+from catalog.robust import sigma_about_zero
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def edges_of(observation: Observation, edge_sigmas: float) -> Edges:
     smooth = cv2.GaussianBlur(clean, (0, 0), SMOOTH_PX)
     gx, gy = cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32, cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32
     size = np.hypot(gx, gy)
-    spread = 1.4826 * float(np.median(np.abs(gx[usable]))) if usable.any() else 0.0
+    spread = sigma_about_zero(gx[usable]) if usable.any() else 0.0
     by_noise = 0.3 * float(np.median(observation.noise[observation.usable])) if observation.usable.any() else 0.0
     # In a frame full of markings the gradients' own scatter is no noise.
     floor = edge_sigmas * (min(spread, by_noise) if by_noise > 0 else spread)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.robust import sigma_about_zero
 from catalog.target import Target
 from tasks.initial_pose.disk import Disk
 from tasks.initial_pose.edges import Edges, values_at
@@ -141,7 +142,7 @@ def fitted(points: Array, start: Array, largest: float) -> tuple[Array, Array, f
     for _ in range(3):
         values = least_squares(misses, values, loss="soft_l1", f_scale=max(scale, 0.1), x_scale="jac").x
         miss = misses(values)[: len(points)]
-        scale = 1.4826 * float(np.median(np.abs(miss)))
+        scale = sigma_about_zero(miss)
     inliers = np.abs(miss) < 3 * max(scale, 0.15)
     design = least_squares(lambda v: misses(v), values, max_nfev=1).jac
     design = design[np.concatenate([inliers, np.ones(len(design) - len(points), bool)])]
