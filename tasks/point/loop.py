@@ -169,7 +169,10 @@ def doubt_of_rival(
     observation: Observation, found: Pose, rival: Pose, alike: float, scene: Scene, settings: PointSettings
 ) -> str | None:
     """The doubt that another place raises where the target fits nearly as well, now that it is known what is where it
-    was found. alike: likeness there."""
+    was found. alike: likeness there. A place where too little of the disk would be in the frame is none, as for the
+    target itself."""
+    if share_in_frame(rival, scene) < settings.min_overlap:
+        return None
     try:
         there = likeness_at(without_disk(observation, found, scene), rival, scene)
     except FailedError:  # nothing usable is left there

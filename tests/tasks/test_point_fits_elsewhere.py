@@ -8,6 +8,7 @@ import pytest
 from lab.simulate.plant import planted
 from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.point import PointSettings, find_pointing
+from tasks.point.loop import doubt_of_rival
 from tasks.simulate import Scene
 
 CAMERA = small_camera(diameter_px=40.0, size_px=(224, 208))
@@ -46,3 +47,13 @@ def test_where_the_user_says_where_the_target_is_nothing_else_is_looked_for() ->
     twice = replace(seen, image=np.maximum(seen.image, np.roll(seen.image, 80, axis=1)))
     found = find_pointing(twice, truth, scene_of(CAMERA), PointSettings(coarse=False))
     assert "doubt" not in found.evidence
+
+
+@pytest.mark.parametrize("rival_px", [(-30.0, -30.0), (-16.0, 90.0), (250.0, 230.0)])
+def test_a_place_where_hardly_any_of_the_disk_would_be_in_the_frame_is_no_second_one(
+    rival_px: tuple[float, float],
+) -> None:
+    scene, truth = scene_of(CAMERA), true_pose(CAMERA, centre_px=(70.3, 100.2))
+    seen, rival = observation_of(scene, truth), true_pose(CAMERA, centre_px=rival_px)
+    certain = PointSettings(rival_likeness=0.0)
+    assert doubt_of_rival(seen, truth, rival, 1.0, scene, certain) is None
