@@ -56,9 +56,10 @@ with ThreadPoolExecutor(2) as pool:
     for event in begun:
         event.wait()
     try:
-        os.kill(os.getpid(), signal.SIGINT)
-        while not wait(ends, timeout=0.1, return_when=FIRST_COMPLETED).done:
-            pass
+        for _ in range(10):
+            os.kill(os.getpid(), signal.SIGINT)
+            if wait(ends, timeout=2, return_when=FIRST_COMPLETED).done:
+                break
     except KeyboardInterrupt:
         print("heard", end=" ")
     stopped.set()
@@ -89,7 +90,11 @@ finally:
 
 
 def test_ctrl_c_is_heard_while_two_threads_render_and_a_picture_that_it_cut_short_is_not_used() -> None:
-    """By the main thread, by a rendering or by both: which is chance, and either ends a batch (`flows.correct`)."""
+    """By the main thread, by a rendering or by both: which is chance, and either ends a batch (`flows.correct`).
+
+    Pressed again where nothing happens, as a user does: Mitsuba forgets a signal that comes just when it begins a
+    rendering (it takes SIGINT first, and clears its mark of an interruption after that).
+    """
     done = subprocess.run([sys.executable, "-c", CTRL_C_WHILE_TWO_RENDER], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     ends = done.stdout.split()
