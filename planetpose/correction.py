@@ -40,17 +40,17 @@ def correct(
     is needed. What is done already is not done again.
 
     image: VICAR, compressed Voyager .imq, FITS, PNG or TIFF. product: name of the folder in the store; the file's name
-    without suffix by default. camera, target: name, or TOML file; None asks the label. pose_file: predicted pose, JSON,
-    or "image": found in the image itself.
-    kernels: SPICE kernels, folders of them or meta-kernels; None takes PLANETPOSE_KERNELS. basemap: file, or "none";
-    None takes the target's. map_left_edge_deg: east longitude of its left edge. shape: model that planes are projected
-    on. profile: name or file, or settings as a profile file has them; None takes `joint`. hold: groups of parameters
-    that stay as predicted. start_offset_px: (x, y), added to the predicted centre beforehand. mask: picture of the
-    frame's size; pixels where it is not zero are not used. flip: of the picture, before anything else. plane: of a
-    file with several, its number from 1 or its name. summing: detector pixels along a side of an image pixel. window:
-    (x0, y0, width, height) of the part of the detector that the file holds, detector pixels from 0. resume: an earlier
-    product, or its result.json, to start from. cache: folder of steps' results; None takes PLANETPOSE_CACHE. progress:
-    called as progress(step, iteration, text) when a step begins (iteration 0, empty text) and iterates.
+    without suffix by default. camera, target: name, or TOML file; None leaves it to the label. pose_file: predicted
+    pose, JSON, or "image": found in the image itself. kernels: SPICE kernels, folders of them or meta-kernels; None
+    takes PLANETPOSE_KERNELS. basemap: file, or "none"; None takes the target's. map_left_edge_deg: east longitude of
+    its left edge. shape: model that planes are projected on. profile: name or file, or settings as a profile file has
+    them; None takes `joint`. hold: groups of parameters that stay as predicted. start_offset_px: (x, y), added to the
+    predicted centre beforehand. mask: picture of the frame's size; pixels where it is not zero are not used. flip: of
+    the picture, before anything else. plane: of a file with several, its number from 1 or its name. summing: detector
+    pixels along a side of an image pixel. window: (x0, y0, width, height) of the part of the detector that the file
+    holds, detector pixels from 0. resume: an earlier product, or its result.json, to start from. cache: folder of
+    steps' results; None takes PLANETPOSE_CACHE. progress: called as progress(step, iteration, text) when a step begins
+    (iteration 0, empty text) and iterates.
 
     Returns the result, see `Result`: an image that cannot be corrected is no exception, its `status` is `refused` or
     `failed` and its `reason` says why. Raises RefusedError for a profile that cannot be used, and ValueError for

@@ -35,7 +35,7 @@ def backplanes(
     window: (x0, y0, x1, y1), the half-open range of undistorted pixels; None is the whole frame. planes: some of
     latitude (planetocentric), longitude (east, 0 to 360), incidence, emission, phase (degrees), range_km, resolution_km
     (km: the longer side of a pixel's footprint), x_km, y_km, z_km (the surface point, body-fixed; not there unless
-    asked for). Coordinates x and y: the pixels, 0-based, integer at the centre, y down. Where the pose knows
+    requested). Coordinates x and y: the pixels, 0-based, integer at the centre, y down. Where the pose knows
     velocities, light time and stellar aberration are those of each pixel (SPICE's LT+S, to 1e-4 deg).
 
     Raises RefusedError where the pose puts spacecraft or Sun inside the target; ValueError for an unknown plane or an

@@ -22,7 +22,7 @@ class Known:
     pose: what the steps so far ended with; predicted: the metadata's, pose_sources: where its parts come from.
     attitude_prior_deg: 1-sigma of the predicted orientation, None where nothing is known of it. search_frame: whether
     the target may be anywhere in the frame. markings_match: False where an attitude step found markings in the image
-    that are not the map's. image_moved: whether the image was displaced by what the disk told of its distortion.
+    that are not the map's. image_moved: whether the image was displaced by what the disk showed of its distortion.
     own_priors: of the predicted pose, None for those of its sources.
     """
 

@@ -49,7 +49,7 @@ class ImageInputs(Content):
 
 @dataclass(frozen=True)
 class ImageFiles:
-    """image: the file. camera: the user's camera, a name or a file; None asks the label."""
+    """image: the file. camera: the user's camera, a name or a file; None leaves it to the label."""
 
     image: Path
     camera: str | None

@@ -22,7 +22,7 @@ def summary(before: Pose, after: Pose, camera: Camera, corrections: Corrections)
     (None when the predicted target is behind the camera). range_factor: corrected by predicted distance. attitude_deg:
     rotation vector of the body's turn, in its own frame; None when no step could determine it. roll_deg: how far the
     camera was turned about the line of sight, from +x towards +y of the picture; None when no step looked for it or
-    could tell. range_factor_free: the range factor that the image alone asks for, psf_sigma_px: the blur it shows;
+    could tell. range_factor_free: the range factor that the image alone gives, psf_sigma_px: the blur it shows;
     None unless the joint step was done. corrections: results of the steps `point-1`, `range-1` ... in the order of
     doing; the last one of a kind gives the uncertainty.
     """

@@ -20,7 +20,7 @@ class ImageEntry(BaseModel):
 
     product: name of its folder in a store; the image file's without suffix by default. image, label: a path (relative
     to the list's folder), a URL, or `ARCHIVE:path` with an archive of `archives.toml`. camera, target: names, or TOML
-    files; None asks the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
+    files; None leaves it to the label. kernels: locations, or names of `kernel_sets.toml`; empty means the
     user's own. pose_file, truth_file: pose files, as paths; a pose file "image" stands for a pose found in the image.
     basemap: a location, or "none"; None takes the catalog's. flip: how the picture is mirrored or turned. plane,
     summing, window: as the options of `planetpose correct`. utc: middle of the exposure. sha256, label_sha256, bytes:

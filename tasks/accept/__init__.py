@@ -1,1 +1,1 @@
-"""When a corrected pose is believed, and when the passes of the corrections have come to rest."""
+"""When a corrected pose is accepted, and when the passes of the corrections have come to rest."""

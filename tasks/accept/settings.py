@@ -1,19 +1,19 @@
-"""Settings of what is believed, and of when the corrections rest."""
+"""Settings of what is accepted, and of when the corrections rest."""
 
 from pydantic import BaseModel, ConfigDict, Field
 
 
 class AcceptSettings(BaseModel):
-    """When a corrected pose is believed. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
-    measured is not believed. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
-    below the first the pose is not believed, below the second it is doubtful. sure_limb_rms_px: with a limb further off
+    """When a corrected pose is accepted. max_limb_rms_px: None takes any. require_limb: a pose whose limb could not be
+    measured is not accepted. min_likeness, sure_likeness: correlation of image and simulation, see `tasks.validate`;
+    below the first the pose is not accepted, below the second it is doubtful. sure_limb_rms_px: with a limb further off
     the pose is doubtful; None doubts none. A limb is that far off by its robust RMS, see `tasks.validate`: segments
     that lock onto an edge of the surface are no doubt, unless more than limb_share of them lie elsewhere. sure_blur:
-    where something else is doubted, a limb so many times as wide as simulated is told first; sure_blocks: and steps so
+    where something else is doubted, a limb so many times as wide as simulated is named first; sure_blocks: and steps so
     many times as large at the edges of compression's blocks as elsewhere. sun_across_deg,
     sun_phase_deg: where the image puts the Sun elsewhere than the metadata do by more than four of its errors and more
     than so much, as an angle on the sky across the plane of the phase angle and in it, the pose is doubtful; None is
-    not asked. sure_psf: a solution with a PSF so many times as wide as the limb shows is doubtful (images of another
+    not tested. sure_psf: a solution with a PSF so many times as wide as the limb shows is doubtful (images of another
     renderer, sharp, smeared and blurred by up to 6 px: at most 1.4; a Sun that is 10 deg off: 3.7)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")

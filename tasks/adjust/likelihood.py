@@ -11,7 +11,7 @@ from tasks.adjust.settings import AdjustSettings
 Array = NDArray[np.float64]
 KINDS = ("range", "roll", "attitude", "psf")
 KIND_OF = np.array([0, 1, 2, 2, 2, 3])
-# A scatter is believed when it raises the likelihood by this much (5 % of ties that hold would be given up).
+# A scatter is accepted when it raises the likelihood by this much (5 % of ties that hold would be given up).
 SIGNIFICANT = 1.35
 
 

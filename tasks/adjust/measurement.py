@@ -27,7 +27,7 @@ NOT_JOINT = Reason.NOT_JOINT
 class Measurement:
     """step (8,): from the predicted state to the one the image wants with its range free, covariance (8, 8) its errors,
     both in the order and units of `joint.parameters.NAMES`; sigmas (8,): priors about zero that are part of both, inf
-    where free; held (8,). range_sigma: what the trajectory is believed to be wrong by, inf when unknown."""
+    where free; held (8,). range_sigma: 1-sigma error of the trajectory, inf when unknown."""
 
     product: str
     camera: Camera

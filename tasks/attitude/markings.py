@@ -23,7 +23,7 @@ Verdict = Literal["matched", "mismatched", "undetermined", "no-map"]
 
 # Orientations that have nothing to do with the body's, and how far from it they are at least.
 CHANCE_TURNS, UNRELATED_DEG = 100, 25.0
-# Squares of sigmas: what an orientation needs to be believed, and the best of many others.
+# Squares of sigmas: what an orientation needs to be accepted, and the best of many others.
 SEEN, FOUND = 20.0, 36.0
 # How much better than it another must be: what maps and laws get wrong is no chance, and grows with the evidence.
 BETTER, BETTER_FACTOR = 16.0, 2.0

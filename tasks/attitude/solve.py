@@ -37,9 +37,9 @@ class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
     attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
     match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
-    larger turn is believed only where the markings, compared with what chance gives, bear it out strongly; None, the
+    larger turn is accepted only where the markings, compared with what chance gives, bear it out strongly; None, the
     default, takes what the prior of the orientation contradicts (3 of its sigmas). A turn whose 1-sigma about some axis
-    exceeds max_sigma_deg is never believed. min_lit: weakest simulated shading, relative to the brightest, at which
+    exceeds max_sigma_deg is never accepted. min_lit: weakest simulated shading, relative to the brightest, at which
     markings are compared.
 
     max_turns: how often, at most, flow is measured again at the last resolution, with a new simulation each time (the
@@ -177,7 +177,7 @@ def at_rest(turn: Turn, turns_deg: list[NDArray[np.float64]], radius_px: float, 
 
 
 def why_not(turn: Turn, before: float, after: float, settings: AttitudeSettings) -> str | None:
-    """Why the turns so far are not believed, or None."""
+    """Why the turns so far are not accepted, or None."""
     if turn.vector_deg is None or turn.sigma_deg is None:
         return str(turn.evidence["reason"])
     if turn.sigma_deg.max() > settings.max_sigma_deg:
@@ -195,7 +195,7 @@ def why_not_so_far(
     settings: AttitudeSettings,
     prior_deg: float,
 ) -> str | None:
-    """Why a turn of the body by `whole_deg` (3,) is larger than can be believed, or None."""
+    """Why a turn of the body by `whole_deg` (3,) is larger than can be accepted, or None."""
     angle = float(np.linalg.norm(whole_deg))
     limit = CONFLICT_SIGMAS * prior_deg if settings.max_deg is None else settings.max_deg
     if angle <= limit or is_borne_out(markings_at_pose(observation, turned, scene, prior_deg)):

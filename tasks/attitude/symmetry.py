@@ -13,7 +13,7 @@ from tasks.simulate import Scene
 
 # A mirror image whose shading fits the disk less well, by this much correlation, is none: the Sun would be elsewhere.
 LESS_LIKE = 0.05
-# How much more of the shading's scatter a mirror image must explain to be believed by that alone.
+# How much more of the shading's scatter a mirror image must explain to be accepted by that alone.
 LEAST_LIKENESS, MORE_LIKE, ENOUGH_PX = 0.8, 0.1, 400
 
 

@@ -17,8 +17,8 @@ Array = NDArray[np.float64]
 LIT_SIDE_COSINE = 0.6
 # A disk whose terminator is this near its limb is round: all of the limb is seen.
 ROUND_PX = 0.25
-# How a limb steps is told by so many pixels on each side of it. In front of a bright body it may be as bright as that;
-# where less than this share of what the brightness changes along a segment is at the limb, its edge is another's
+# How a limb steps is measured on so many pixels on each side of it. In front of a bright body it may be as bright as
+# that; where less than this share of what the brightness changes along a segment is at the limb, its edge is another's
 # (measured on moons as bright as the planet behind: edges are 0.1 px off above, 0.3 to 1 px below).
 STEP_PX, STEP_SHARE = 3, 0.7
 # Rows and columns cross a circle at 4 sqrt(2) places per pixel of its radius, each where the other does less steeply.

@@ -132,7 +132,7 @@ def levels(observation: Observation, radius_px: float, share: float) -> tuple[fl
     key = n, max(BRIGHT_PERCENT, round(of_disk, 3))
     known = _known.get(id(observation.image))
     if known is None or known[0]() is not observation.image:
-        # A loop asks again and again of the same image; one that is gone is forgotten.
+        # A loop comes again and again with the same image; one that is gone is forgotten.
         for gone in [place for place, (image, _) in list(_known.items()) if image() is None]:
             _known.pop(gone, None)
         known = _known[id(observation.image)] = (weakref.ref(observation.image), {})

@@ -1,4 +1,4 @@
-"""Which explanation is the image's, and how it is told."""
+"""Which explanation is the image's, and its message."""
 
 import numpy as np
 from scipy.special import ndtri
@@ -57,13 +57,13 @@ def diagnosis_of(all_tried: Tried, predicted: Pose, scene: Scene, settings: Diag
 
 
 def explanation_of(all_tried: Tried, settings: DiagnoseSettings, scene: Scene) -> Explanation | None:
-    """The one that is believed; the predicted one where nothing else is better, None when that does not fit either."""
+    """The one that is accepted; the predicted one where nothing else is better, None when that does not fit either."""
     found = all_tried.found
     first = predicted_one(all_tried)
     good = [e for e in found if is_good(e, scene, settings) and is_no_chance(e, all_tried, settings)]
     rivals = [e for e in good if e is not first and (first is None or is_better(e, first, all_tried, settings))]
     best = first if first in good else None
-    # What changes least is believed unless another one is better than it, too.
+    # What changes least is accepted unless another one is better than it, too.
     for rival in rivals:
         if best is None or best is first or is_better(rival, best, all_tried, settings):
             best = rival

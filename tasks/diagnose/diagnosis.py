@@ -1,4 +1,4 @@
-"""How an explanation is told to the user: code, fault and remedy."""
+"""The message of an explanation: code, fault and remedy."""
 
 from dataclasses import dataclass
 
@@ -32,7 +32,7 @@ class Diagnosis:
 
 
 def diagnosis_for(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
-    """What the user is told of an explanation that is not the predicted one."""
+    """The message of an explanation that is not the predicted one."""
     match best.candidate.name:
         case "other-body":
             return other_body_diagnosis(best, scene)
@@ -54,7 +54,7 @@ def diagnosis_for(best: Explanation, predicted: Pose, scene: Scene, settings: Di
 
 
 def other_body_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
         OTHER,
@@ -66,7 +66,7 @@ def other_body_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
 
 
 def unmasked_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
         Reason.TARGET_MASKED,
@@ -84,7 +84,7 @@ def masked_box(best: Explanation) -> str:
 
 
 def stray_light_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     return Diagnosis(
         STRAY,
@@ -96,7 +96,7 @@ def stray_light_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
 
 
 def blurred_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     width, camera = best.candidate.psf_px or 0.0, scene.psf_sigma_px
     return Diagnosis(
         Reason.IMAGE_BLURRED,
@@ -108,7 +108,7 @@ def blurred_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
 
 
 def mirrored_diagnosis(best: Explanation) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     flip = best.candidate.flip or "x"
     return Diagnosis(
         Reason.IMAGE_MIRRORED,
@@ -120,7 +120,7 @@ def mirrored_diagnosis(best: Explanation) -> Diagnosis:
 
 
 def rolled_diagnosis(best: Explanation) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     flip = f"Give --flip {best.candidate.flip}, or check" if best.candidate.flip else "Check"
     return Diagnosis(
         Reason.IMAGE_TURNED,
@@ -132,7 +132,7 @@ def rolled_diagnosis(best: Explanation) -> Diagnosis:
 
 
 def inverted_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     return Diagnosis(
         Reason.IMAGE_INVERTED,
         f"the picture is a negative: {scene.target.name} is darker than the sky, and as its negative it fits.",
@@ -142,7 +142,7 @@ def inverted_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
 
 
 def sun_diagnosis(best: Explanation, predicted: Pose) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     here, there = sun_azimuth_deg(best.pose), sun_azimuth_deg(predicted)
     return Diagnosis(
         Reason.SUN_DIRECTION,
@@ -156,7 +156,7 @@ def sun_diagnosis(best: Explanation, predicted: Pose) -> Diagnosis:
 
 
 def size_diagnosis(best: Explanation, predicted: Pose, scene: Scene, settings: DiagnoseSettings) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     size, focal_px = best.size, scene.camera.focal_length_px * best.size
     radius = disk_radius_px(predicted, scene.camera, scene.target)
     seen = (
@@ -190,7 +190,7 @@ def bodies_of_radius(radius_km: float, tolerance: float, but: str) -> list[str]:
 
 
 def map_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
-    """What the user is told."""
+    """The message of this cause."""
     x, y = scene.camera.project(best.pose.target_in_camera_km)
     agreement = "" if best.markings is None else f" (they correlate by {best.markings:.2f})"
     return Diagnosis(

@@ -21,7 +21,7 @@ FLAGS = {
     Reason.LIMB_MASKED: Quality.MASKED_BY_USER,
     Reason.LIMB_MISSING: Quality.MISSING | Quality.RESEAU | Quality.OUTSIDE_WINDOW,
 }
-# Code, what is told of it, and what to do; in the order in which a segment is counted.
+# Code, what is said of it, and what to do; in the order in which a segment is counted.
 COVERS = {
     Reason.LIMB_OUTSIDE: ("beyond the edge of the frame", "Only frames that show a lit limb can be corrected."),
     Reason.LIMB_SATURATED: (

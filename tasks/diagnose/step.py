@@ -22,7 +22,7 @@ from tasks.undistort.step import DISTORTION
 from tasks.work import Progress, Work
 
 OVERLAY, TRIED = "overlay.png", "tried.json"
-# Causes that the corrections can do without on another image than the given one, and what is told with the result.
+# Causes that the corrections can do without on another image than the given one, and what the result says of them.
 REPLACED = {
     OTHER: "Look at the picture: a mask of your own (--mask) may be better.",
     STRAY: "It was corrected so; look at the picture.",
@@ -44,7 +44,7 @@ class DiagnoseInputs(Content):
 
 
 class Cause(Content):
-    """Why the image failed, as the failure is told: code, fault and remedy."""
+    """Why the image failed, as the failure states it: code, fault and remedy."""
 
     code: str
     fault: str
@@ -54,7 +54,7 @@ class Cause(Content):
 class DiagnoseResult(Content):
     """diagnosis: None where nothing explains the image, or nothing was to be tried. replaced: whether the step's
     folder holds an image that is to be corrected in place of the given one, without another body or stray light. doubt:
-    what a result without the cause is told with, if there comes to be one."""
+    what a result without the cause says of it, if there comes to be one."""
 
     diagnosis: Cause | None = None
     replaced: bool = False

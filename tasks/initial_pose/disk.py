@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 RADIAL_COSINE = 0.85
 # How far beside an edge its two sides are looked at, pixels.
 BESIDE_PX = 5.0
-# Largest radius, in sizes of the frame: of less of a curve nothing could be told.
+# Largest radius, in sizes of the frame: of less of a curve nothing could be measured.
 LARGEST_SHARE = 4.0
 # Edges cover at least this share of the arc that the limb must have: through less, straight lines are circles, too.
 ARC_SHARE = 0.7

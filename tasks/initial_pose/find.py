@@ -12,6 +12,7 @@ from catalog.basemap import uniform_map
 from catalog.camera import Camera
 from catalog.observation import Observation
 from catalog.pose import Pose
+from catalog.reasons import Reason
 from catalog.spice_pose import LIGHT_KM_PER_S
 from catalog.target import Target
 from tasks.attitude.solve import AttitudeSettings, find_attitude
@@ -19,7 +20,8 @@ from tasks.initial_pose.limb import Limb
 from tasks.initial_pose.map_search import MapSearch, search_map
 from tasks.initial_pose.outline import Found, find_outline
 from tasks.initial_pose.settings import ImagePoseSettings
-from tasks.initial_pose.time_known import RANGE_SIGMA, SAME_SIGMAS, known_by_time, sun_apart_deg
+from tasks.initial_pose.time_known import known_by_time, sun_apart_deg
+from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.suns import with_sun, with_sun_moved
 from tasks.simulate.window import disk_radius_px
@@ -32,27 +34,24 @@ Array = NDArray[np.float64]
 SUN_TIMES_RANGE, LEAST_SUN_KM = 100.0, 5e7
 # RMS about each axis of an orientation of which nothing is known: of all rotations alike.
 UNKNOWN_DEG = 76.0
-# 1-sigma of a body's direction to the Sun by terminator and shading, laws and markings included, at the least.
-SUN_SIGMA_DEG = 1.0
-# The same where the whole disk's least squares do not come to rest, mostly near opposition, where shading tells little
-# (on four simulated images at 3 deg of phase the Sun came out 2 to 10 deg off).
-ROUGH_SUN_DEG = 6.0
 ROUNDS = 2
+# What a trajectory's kernels are known to.
+TRAJECTORY = PriorSettings()
 
 
 @dataclass(frozen=True)
 class ImagePose:
     """pose: found in the image. has_orientation: whether its sub-spacecraft point and north are the image's; else they
-    are arbitrary. range_sigma: relative; centre_sigma_px: (2,); sun_sigma_deg: of the Sun's direction;
-    attitude_sigma_deg: of the orientation about each axis; 1-sigma all. evidence: plain JSON values. doubts: what
-    stays unknown, each as `code: fault. Remedy.`"""
+    are arbitrary. range_sigma: relative; centre_sigma_px: (2,); sun_sigma_deg: of the Sun's direction; 1-sigma all.
+    priors: of the corrections that start there, the orientation's its error about each axis. evidence: plain JSON
+    values. doubts: what stays unknown, each as `code: fault. Remedy.`"""
 
     pose: Pose
     has_orientation: bool
     range_sigma: float
     centre_sigma_px: tuple[float, float]
     sun_sigma_deg: float
-    attitude_sigma_deg: float
+    priors: PriorSettings
     evidence: dict[str, Any] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
 
@@ -62,7 +61,7 @@ class ImagePose:
             "centre_px": list(self.centre_sigma_px),
             "range_relative": self.range_sigma,
             "sun_deg": self.sun_sigma_deg,
-            "attitude_deg": self.attitude_sigma_deg,
+            "attitude_deg": self.priors.attitude_deg,
         }
 
 
@@ -89,7 +88,9 @@ def find_pose(
     search = MapSearch(None)
     report = SunReport()
     for _ in range(ROUNDS):
-        pose, report = refined(observation, pose, scene if search.turn is not None else unmapped(scene), limb)
+        pose, report = refined(
+            observation, pose, scene if search.turn is not None else unmapped(scene), limb, settings.same_sigmas
+        )
         if not has_map:
             break
         again = search_map(observation, pose, scene, settings.map, search.followed)
@@ -102,16 +103,22 @@ def find_pose(
     known = search.turn is not None
     if known:
         pose = aligned(observation, pose, scene, settings.map.sigma_deg)
-    by_shading = report.phase_sigma_deg or float(np.hypot(sun.phase_sigma_deg, ROUGH_SUN_DEG))
-    sun_sigma = float(np.hypot(by_shading, SUN_SIGMA_DEG))
+    by_shading = report.phase_sigma_deg or float(np.hypot(sun.phase_sigma_deg, settings.rough_sun_deg))
+    sun_sigma = float(np.hypot(by_shading, settings.sun_sigma_deg))
     by_time = known_by_time(pose, scene, et, kernels)
     in_j2000 = known and et is not None and target.rotation is not None
-    range_known, apart_deg = range_sigma(limb, camera, target), None
-    if by_time.range_km is not None and abs(by_time.range_km / pose.range_km - 1) < SAME_SIGMAS * range_known:
-        pose, range_known = pose.with_range_factor(by_time.range_km / pose.range_km), RANGE_SIGMA
+    of_limb, apart_deg = range_sigma(limb, camera, target), None
+    priors = PriorSettings(
+        range_km=None,
+        range_share=max(settings.range_prior_times * of_limb, settings.range_prior_share),
+        attitude_deg=settings.map.sigma_deg if known else UNKNOWN_DEG,
+    )
+    if by_time.range_km is not None and abs(by_time.range_km / pose.range_km - 1) < settings.same_sigmas * of_limb:
+        pose = pose.with_range_factor(by_time.range_km / pose.range_km)
+        priors = priors.model_copy(update={"range_km": TRAJECTORY.range_km, "range_share": None})
     if in_j2000 and by_time.sun_from_target_km is not None:
         apart_deg = sun_apart_deg(pose, by_time.sun_from_target_km)
-    contradicts = apart_deg is not None and apart_deg >= SAME_SIGMAS * sun_sigma
+    contradicts = apart_deg is not None and apart_deg >= settings.same_sigmas * sun_sigma
     if apart_deg is not None and by_time.sun_from_target_km is not None and not contradicts:
         pose = pose.replaced(sun_from_target_km=by_time.sun_from_target_km)
         sun_sigma = settings.map.sigma_deg
@@ -123,10 +130,10 @@ def find_pose(
     return ImagePose(
         pose=pose,
         has_orientation=known,
-        range_sigma=range_known,
+        range_sigma=of_limb if priors.range_share else priors.range_sigma(pose.range_km),
         centre_sigma_px=(float(np.sqrt(limb.covariance[0, 0])), float(np.sqrt(limb.covariance[1, 1]))),
         sun_sigma_deg=sun_sigma,
-        attitude_sigma_deg=settings.map.sigma_deg if known else UNKNOWN_DEG,
+        priors=priors,
         evidence=found_by,
         doubts=doubts,
     )
@@ -135,8 +142,8 @@ def find_pose(
 def sun_contradicts_time(apart_deg: float, sigma_deg: float) -> str:
     """The doubt that the Sun in the image raises, where it is not the one of the time and the orientation found."""
     return (
-        f"sun-contradicts-time: with the orientation that the markings give, shading and terminator put the Sun "
-        f"{apart_deg:.0f} deg (1-sigma {sigma_deg:.1f}) from where it was at the label's time. Check the time, the "
+        f"{Reason.SUN_CONTRADICTS_TIME}: with the orientation that the markings give, shading and terminator put the "
+        f"Sun {apart_deg:.0f} deg (1-sigma {sigma_deg:.1f}) from where it was at the label's time. Check the time, the "
         "target, the base map and whether the picture is mirrored (--flip)."
     )
 
@@ -187,14 +194,16 @@ def aligned(observation: Observation, pose: Pose, scene: Scene, sigma_deg: float
     return turned(pose, pose.camera_from_body.T @ found.camera_from_body)
 
 
-def refined(observation: Observation, pose: Pose, scene: Scene, limb: Limb) -> tuple[Pose, SunReport]:
+def refined(
+    observation: Observation, pose: Pose, scene: Scene, limb: Limb, same_sigmas: float
+) -> tuple[Pose, SunReport]:
     """The pose with centre, range and Sun of least squares on the whole disk, which know how a limb is blurred and
     darkened; as it was where they do not come to rest, or end elsewhere than the limb allows."""
     report, solved = solved_with_sun(observation, pose, scene)
     moved = scene.camera.project(solved.target_in_camera_km) - limb.centre_px
     grown = np.log(solved.range_km / pose.range_km)
     sigma = np.sqrt(np.diag(limb.covariance))
-    within = float(np.abs(moved / sigma[:2]).max()) < SAME_SIGMAS and abs(grown) < SAME_SIGMAS * sigma[2]
+    within = float(np.abs(moved / sigma[:2]).max()) < same_sigmas and abs(grown) < same_sigmas * sigma[2]
     if report.azimuth_deg is None or report.phase_deg is None or within:
         return solved, report
     return with_sun_moved(pose, report.azimuth_deg, report.phase_deg), report
@@ -253,18 +262,18 @@ def doubts_of(found: Found, has_map: bool, search: MapSearch, et: float | None) 
                 f"by {search.next_sigmas:.1f})"
             )
         doubts.append(
-            f"orientation-unknown: {why}: latitudes, longitudes and north are arbitrary. Give a pose file with "
-            "body_from_j2000 and camera_from_j2000, or kernels."
+            f"{Reason.ORIENTATION_UNKNOWN}: {why}: latitudes, longitudes and north are arbitrary. Give a pose file "
+            "with body_from_j2000 and camera_from_j2000, or kernels."
         )
     if found.rival is not None:
         x, y = found.rival.limb.centre_px
         doubts.append(
-            f"several-disks: another lit disk, at ({x:.0f}, {y:.0f}), may be the target as well. Mask it (--mask), or "
-            "give a pose file."
+            f"{Reason.SEVERAL_DISKS}: another lit disk, at ({x:.0f}, {y:.0f}), may be the target as well. Mask it "
+            "(--mask), or give a pose file."
         )
     if et is None:
         doubts.append(
-            "time-unknown: the label gives no time, and the image cannot: the pose's time is J2000's epoch. Give a "
-            "pose file with utc, et or all of the geometry."
+            f"{Reason.TIME_UNKNOWN}: the label gives no time, and the image cannot: the pose's time is J2000's epoch. "
+            "Give a pose file with utc, et or all of the geometry."
         )
     return tuple(doubts)

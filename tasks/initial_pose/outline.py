@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
 from catalog.observation import Observation
+from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.initial_pose.disk import Disk, find_disks, lit_outside
 from tasks.initial_pose.edges import SPECK_PX, Edges, edges_of, values_at
@@ -143,14 +144,14 @@ def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> Refused
     """Why no outline is known. short: a lit disk of whose limb too little is seen."""
     if short is None:
         return RefusedError(
-            "no-limb",
+            Reason.NO_LIMB,
             "no edge of brightness in the frame is the limb of a lit body before a dark sky (disks of less than "
             f"{2 * settings.least_radius_px:g} px and crescents thinner than {SPECK_PX} px are not looked for).",
             REMEDY,
         )
     sigma = float(np.sqrt(short.limb.covariance[2, 2]))
     return RefusedError(
-        "limb-too-short",
+        Reason.LIMB_TOO_SHORT,
         f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
         f"its radius would be known to {sigma:.0%} (needed: {settings.arc_deg:g} deg and {settings.radius_sigma:.0%}).",
         REMEDY,

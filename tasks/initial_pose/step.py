@@ -8,15 +8,10 @@ from tasks.fields import Content
 from tasks.ingest.pose_step import PredictedPose
 from tasks.initial_pose.find import find_pose
 from tasks.initial_pose.settings import ImagePoseSettings
-from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.step import StepType
 from tasks.stored import load_observation
 from tasks.work import Work
-
-# The corrections look at the same limb again: what it told beforehand is no second measurement of the range. So its
-# prior is wider than its error, so many times, and no narrower than a pose file's.
-WIDER, LEAST_RANGE = 4.0, 0.02
 
 
 class ImagePoseInputs(Content):
@@ -46,11 +41,7 @@ def run(inputs: ImagePoseInputs, files: ImagePoseFiles, _: Work) -> PredictedPos
         source=IN_IMAGE,
         sources=dict.fromkeys(POSE_KEYS, IN_IMAGE),
         evidence={"found": found.evidence, "sigmas": found.sigmas()},
-        priors=PriorSettings(
-            range_km=None,
-            range_share=max(WIDER * found.range_sigma, LEAST_RANGE),
-            attitude_deg=found.attitude_sigma_deg,
-        ),
+        priors=found.priors,
         has_orientation=found.has_orientation,
         doubts=found.doubts,
     )

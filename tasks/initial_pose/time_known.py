@@ -16,10 +16,6 @@ Array = NDArray[np.float64]
 
 # Planets by the hundreds of their bodies' NAIF ids, as astropy names them.
 PLANETS = {1: "mercury", 2: "venus", 3: "earth", 4: "mars", 5: "jupiter", 6: "saturn", 7: "uranus", 8: "neptune"}
-# The Sun that the time gives and the one that the image shows are the same within so many sigmas.
-SAME_SIGMAS = 4.0
-# 1-sigma of ranges of trajectory kernels, relative.
-RANGE_SIGMA = 2e-4
 
 
 @dataclass(frozen=True)

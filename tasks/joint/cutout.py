@@ -29,7 +29,7 @@ class Cutout:
 
     @cached_property
     def hidden_share(self) -> tuple[float, float]:
-        """What share of that light the target is believed to hide, and how far off, 1-sigma, that may be."""
+        """What share of that light the target hides before the fit, and how far off, 1-sigma, that may be."""
         more = 0.0 if self.behind is None else (self.behind.most - 1) / 2
         return 1 + more, more
 

@@ -1,4 +1,4 @@
-"""The joint step's answer: the estimate as a correction, with what is told of it and why it is doubted."""
+"""The joint step's answer: the estimate as a correction, with its evidence and why it is doubted."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -55,7 +55,7 @@ def find_pose_jointly(
 
     pose: where to start. predicted: what the metadata say; the priors are about it. source: where it is from,
     or where each part of it is (keys of `Pose`). markings_match: False where the map's markings are known not to be the
-    image's: the attitude is then told as no better known than by its prior. own_priors: of this predicted pose, in
+    image's: the attitude is then stated as no better known than by its prior. own_priors: of this predicted pose, in
     place of those of its sources. changed and
     uncertainty: as of the other steps, relative to `pose`, and `psf_sigma_px`, `range_factor_free` (relative to
     `predicted`); None for what was held. `predicted_to_free` of the evidence is None where the predicted pose looks
@@ -174,7 +174,7 @@ def smear_of(state: State) -> dict[str, float] | None:
 
 
 def bending_evidence(bending: Bending | None) -> Evidence | None:
-    """What the disk told of the beam's bending, in sigmas of what the marks say; None where it was left alone."""
+    """What the disk shows of the beam's bending, in sigmas of what the marks say; None where it was left alone."""
     if bending is None or not bending.strength:
         return None
     return {"strength": bending.strength, "sigma": bending.sigma, "moved_px": bending.moved_px}

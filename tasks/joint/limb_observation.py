@@ -23,7 +23,7 @@ OBSERVED = slice(0, 3)
 
 @dataclass(frozen=True)
 class LimbObservation:
-    """step (3,) of centre and range that the limb asks for, its covariance (3, 3), how far (px, RMS along the segments)
+    """step (3,) of centre and range that the limb measures, its covariance (3, 3), how far (px, RMS along the segments)
     it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), and how many parts of it err
     on their own."""
 
@@ -39,8 +39,8 @@ class LimbObservation:
 
 
 def shown_by(solution: Solution, level: Level, moved: Array) -> tuple[LimbObservation, float]:
-    """What the limb asks of the solution by the solution's own picture, without the tiles that may hide it: a quick
-    look that renders nothing. With it how far (px, RMS) the limb of a state lies that is `moved` (8,) from it."""
+    """What the limb measures from the solution by the solution's own picture, without the tiles that may hide it: a
+    quick look that renders nothing. With it how far (px, RMS) the limb of a state lies that is `moved` (8,) from it."""
     model, fit, problem = solution.model, solution.fit, solution.problem
     linear = slice(0, len(problem.columns) - len(NAMES))
     picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
@@ -66,7 +66,8 @@ def in_image(found: LimbObservation, level: Level) -> LimbObservation:
 
 
 def limb_observation(level: Level, state: State, sky_px: float) -> LimbObservation:
-    """What the limb asks of `state`, in pixels of the image. Raises FailedError when too few segments are measured."""
+    """What the limb measures from `state`, in pixels of the image. Raises FailedError when too few segments are
+    measured."""
     scene = level.scene
     window = framed_window(scene, state.pose, margin_px=sky_px)
     edges = measure_limb(match_scene(level.observation, scene, state.pose, window), EDGES)

@@ -149,7 +149,7 @@ def doubt_of_limb(limb: LimbObservation, covariance: Array, chance: float) -> st
     x, y, growth = limb.step
     return (
         f"{Reason.LIMB_AND_INTERIOR_DISAGREE}: "
-        f"the image's limb asks for a centre ({x:+.2f}, {y:+.2f}) px away from the "
+        f"the image's limb puts the centre ({x:+.2f}, {y:+.2f}) px away from the "
         f"solution's and a range factor of {np.exp(growth):.5f}, {np.sqrt(away):.1f} times their errors. "
         "Check the base map, the target and the picture; --profile standard trusts the limb alone."
     )

@@ -34,7 +34,7 @@ from tasks.joint.thresholds import OrientationThresholds
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
-# From a start and with or without the orientation held: the estimate, and what is told where the limb leads.
+# From a start and with or without the orientation held: the estimate, and the report where the limb leads.
 Evidence = dict[str, Any]
 
 

@@ -33,7 +33,7 @@ class SystematicSettings(BaseModel):
 class TileSettings(BaseModel):
     """Tiles with a gain of their own. side_px, side_share: length of a side, pixels, and at least this share of the
     disk's radius. limb_px, limb_share: the same of the depth of the ring of sectors along the limb. gain,
-    slope: what a tile's factor and its change over half a tile are believed to be off by, 1-sigma; veil: the same of
+    slope: what a tile's factor and its change over half a tile are off by, 1-sigma, before the fit; veil: the same of
     light scattered into it, as a share of the disk's brightness. 0 holds them."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -80,19 +80,19 @@ class SmearSettings(BaseModel):
 class JointSettings(BaseModel):
     """mapped: laws that shade the base map, each with a weight of its own. plain: laws that shade a body without
     markings; they set the map's contrast. law_weight: how large, relative to the picture's brightness, a law's weight
-    is believed to be, so that they do not cancel each other. tiles: local errors of map and laws. wings_px: widths
-    of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they are believed to hold.
-    hidden_sigma: how far from 1 the share is believed to be that the disk hides of the light of a body behind it.
-    smear: exposures during which the boresight drifted. background: sky level, or a plane. hold: unknowns that stay as
-    they are. edge_px: error of places in the image, at first and at most. terminator: cosine of incidence below which
-    the photometric laws are not trusted. second_start: solve again from elsewhere, and doubt the result when it ends
-    elsewhere. limb_led_px: where the product's limb lies farther (RMS) from the image's own, or contradicts it by its
-    errors, the limb leads; None never. bending_px: where the disk shows the beam to bend otherwise than the marks say,
-    by at least so many pixels (RMS), the image is displaced by it; None never. displaced_px: where limb and markings
-    show a smooth displacement that no distortion model tells of, of at least so many pixels (RMS), the errors hold what
-    it does to the solution; None never.
-    diameter_px: disks of which more is in the frame than a whole one of this size has are solved at reduced resolution;
-    first_diameter_px: the same on the way there, where fine markings would catch the solution in the wrong place."""
+    is before the fit, 1-sigma, so that they do not cancel each other. tiles: local errors of map and laws. wings_px:
+    widths of the PSF's wings (scattered light, haze); wings_sigma: the share of light that they hold before the fit,
+    1-sigma. hidden_sigma: how far from 1 the share is, 1-sigma before the fit, that the disk hides of the light of a
+    body behind it. smear: exposures during which the boresight drifted. background: sky level, or a plane. hold:
+    unknowns that stay as they are. edge_px: error of places in the image, at first and at most. terminator: cosine of
+    incidence below which the photometric laws are not trusted. second_start: solve again from elsewhere, and doubt the
+    result when it ends elsewhere. limb_led_px: where the product's limb lies farther (RMS) from the image's own, or
+    contradicts it by its errors, the limb leads; None never. bending_px: where the disk shows the beam to bend
+    otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
+    displaced_px: where limb and markings show a smooth displacement that no distortion model tells of, of at least so
+    many pixels (RMS), the errors hold what it does to the solution; None never. diameter_px: disks of which more is in
+    the frame than a whole one of this size has are solved at reduced resolution; first_diameter_px: the same on the way
+    there, where fine markings would catch the solution in the wrong place."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     mapped: tuple[LawName, ...] = Field(

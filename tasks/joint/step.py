@@ -31,7 +31,7 @@ class JointInputs(CorrectionInputs):
     """What the result depends on. predicted, pose_sources: what the priors are about, and where it comes from.
     own_priors: its own, None for those of its sources.
     markings_match: see `find_pose_jointly`. image_moved: what the disk tells of the beam's bending is in this image
-    already, and asked again it would count twice."""
+    already, and measured again it would count twice."""
 
     predicted: PoseField
     pose_sources: dict[str, str]

@@ -1,4 +1,4 @@
-"""Which exposures go into which kernel set, and what is told of a set once it is written."""
+"""Which exposures go into which kernel set, and what is reported of a set once it is written."""
 
 from collections import defaultdict
 from collections.abc import Sequence

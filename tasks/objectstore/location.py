@@ -43,7 +43,7 @@ class ObjectStore:
 
 
 def open_object_store(url: str) -> ObjectStore:
-    """The store at `url`; nothing is asked of it yet. Raises RefusedError when the URL names no storage that is known
+    """The store at `url`; no request is made yet. Raises RefusedError when the URL names no storage that is known
     here, or no bucket."""
     import fsspec
 

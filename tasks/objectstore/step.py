@@ -1,4 +1,4 @@
-"""The step: upload. Whether it is done is asked of the object store, not of the cache."""
+"""The step: upload. Whether it is done is looked up in the object store, not of the cache."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path

@@ -19,7 +19,7 @@ OPPOSITION_SURGE_DEG = 5.0  # Europa's surge is narrower by far
 @dataclass(frozen=True)
 class Parameter:
     """One number of a law: where a fit starts, its limits, its unit (empty: none) and its meaning. needs_phases: cannot
-    be told from images of one phase; needs_opposition: nor without small phases. Held at `held` then."""
+    be determined from images of one phase; needs_opposition: nor without small phases. Held at `held` then."""
 
     name: str
     start: float

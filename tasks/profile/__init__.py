@@ -215,7 +215,7 @@ def _content_of(path: Path) -> Content:
 def _validated(settings: Content, path: Path) -> Profile:
     try:
         if "origin" in settings:
-            raise ValueError("origin: this is told of a profile, and no setting")
+            raise ValueError("origin: this describes a profile, and is no setting")
         return Profile.model_validate(with_nothing(Profile, with_later_completed(settings)))
     except ValidationError as error:
         faults = "; ".join(f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors())

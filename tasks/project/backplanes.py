@@ -25,8 +25,8 @@ class Backplanes:
     window: (x0, y0, x1, y1), the half-open range of undistorted pixels. latitude (planetocentric), longitude (east,
     [0, 360)), incidence, emission (from the ellipsoid's normal) and phase in degrees. range_km: spacecraft to surface
     point. resolution_km: the longer side of a pixel's footprint, range / focal_length_px / cos(emission), as ISIS'
-    oblique pixel resolution. x_km, y_km, z_km, on request: the surface point, body-fixed. A plane that was not asked
-    for is a KeyError.
+    oblique pixel resolution. x_km, y_km, z_km, on request: the surface point, body-fixed. A plane that was not
+    requested is a KeyError.
     """
 
     window: Window
@@ -78,7 +78,7 @@ class Backplanes:
     @property
     def illuminated(self) -> NDArray[np.bool_]:
         """Whether each pixel's centre sees the day side (ny, nx): incidence below 90; on a shape model nothing in the
-        Sun's way either, if the plane `sunlit` was asked for."""
+        Sun's way either, if the plane `sunlit` was requested."""
         return self.planes[SUNLIT] > 0 if SUNLIT in self.planes else self.incidence < 90.0
 
 

@@ -196,7 +196,7 @@ def fill_rows(  # type: ignore[no-untyped-def]
 
     anchor, backward, apparent, conic: as in `rays.Rays`. radii, spacecraft, sun: (3,) km, body-fixed. sight: (3,)
     range_scale, range_km and turn_deg_per_km of `sight.Sight`. slots: (10,), the index in
-    `out` of each of `planes.KNOWN_PLANES`; -1 for those not asked for.
+    `out` of each of `planes.KNOWN_PLANES`; -1 for those not requested.
     """
     columns = out.shape[2]
     spacecraft_radii = spacecraft / radii

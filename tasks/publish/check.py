@@ -96,7 +96,7 @@ def _paper_faults(folder: Path) -> Iterator[str]:
         try:
             contents[name] = own_json((folder / name).read_text(encoding="utf-8"))
         except FileNotFoundError:
-            continue  # its checksum has told so
+            continue  # its checksum has said so
         except (OSError, ValueError) as error:
             yield f"{name} cannot be read: {error}"
     if not (folder / RECORD_FILE).is_file():
@@ -132,7 +132,7 @@ def _provenance_faults(attributes: Mapping[str, Any], product: str) -> Iterator[
         try:
             parsed[name] = own_json(attributes[name])
         except KeyError:
-            continue  # the table of variables has told so of those that must be there
+            continue  # the table of variables has said so of those that must be there
         except (ValueError, TypeError) as error:
             yield f"attribute {name} is no JSON: {error}"
     for name in ("pose_before", "pose_after"):

@@ -85,7 +85,7 @@ def _faults_below(top: Path, store: str) -> Iterator[str]:
 
 
 def _fault_of(path: str, store: str, is_top: bool) -> str | None:
-    """None also for a link to nothing: what is missing is told by who reads it."""
+    """None also for a link to nothing: what is missing is reported by who reads it."""
     try:
         mode = os.lstat(path).st_mode
         if is_top or stat.S_ISLNK(mode):

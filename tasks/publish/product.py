@@ -78,7 +78,7 @@ def no_cube_in(folder: Path) -> RefusedError:
 
 
 def _result_of(folder: Path) -> dict[str, Any]:
-    """What was told of the product; nothing when nobody wrote it down. Raises RefusedError when it was damaged."""
+    """What was recorded of the product; nothing when nobody wrote it down. Raises RefusedError when it was damaged."""
     path = folder / RESULT
     try:
         return dict(own_json(path.read_text())) if path.is_file() else {}

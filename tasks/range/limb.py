@@ -78,7 +78,7 @@ def find_range_by_limb(
         if abs(factor - 1) > settings.limit:
             raise FailedError(
                 Reason.RANGE_OUT_OF_BOUNDS,
-                f"the limb asks for a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
+                f"the limb gives a range factor of {factor:.4f}, more than {settings.limit:g} from 1.",
                 "Check range, Sun direction and the target's radii, or raise the profile's range.limb.limit.",
             )
         if moved < max(settings.stop_px, noise_px):

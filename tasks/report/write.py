@@ -58,7 +58,7 @@ def write_report(
 
 
 def _entry(folder: Path, row: dict[str, Any], pictures: Path, kinds: Sequence[str]) -> ImageEntry:
-    """What is told of one image, its pictures drawn; of a product that is broken, why."""
+    """What the report says of one image, its pictures drawn; of a product that is broken, why."""
 
     broken = ImageEntry(folder.name, row | {"status": UNREADABLE})
     entries = [broken]

@@ -3,7 +3,7 @@
 For one disk a roll of the camera and a turn of the target about the line of sight move the markings alike. What tells
 them apart is what does not turn with the target: the direction to the Sun (terminator, shading, lit limb), a flattened
 limb. So both are tried, and the one that makes the simulation more like the image is taken. Near phase 0 neither does,
-and the result says to which of the two a turn was assigned without being told.
+and the result says to which of the two a turn was assigned without evidence.
 """
 
 from collections.abc import Callable
@@ -43,9 +43,9 @@ class RollSettings(BaseModel):
     camera's when neither clearly does; `camera`, `target`: in any case.
 
     reach_deg: largest turn that is looked for, 0 to start near 0. min_gain: the part of what the simulation does not
-    explain (1 - correlation^2) that a turn must explain to be believed, and by which one must beat the other to be told
-    apart. apply_from_deg: smaller turns are reported, and left for the attitude to take up. max_sigma_deg: a turn less
-    sure is not determined. photometry: of the simulations, None takes the profile's. diameter_px: larger disks are
+    explain (1 - correlation^2) that a turn must explain to be accepted, and by which one must beat the other to be
+    named apart. apply_from_deg: smaller turns are reported, and left for the attitude to take up. max_sigma_deg: a turn
+    less sure is not determined. photometry: of the simulations, None takes the profile's. diameter_px: larger disks are
     compared at reduced resolution. stop_deg: the loop ends at a smaller step, or one below half its error. rest_px: or
     when limb and centre go to and fro within so much, or within their error, of the middle of their way."""
 

@@ -61,7 +61,7 @@ def chosen_model(
 
 
 def chosen_method(camera: Camera, settings: UndistortSettings, seen: SeenMarks | None = None) -> str:
-    """Name of the method: the settings', or what the camera file asks for; the best one for reseau cameras depends on
+    """Name of the method: the settings', or what the camera file names; the best one for reseau cameras depends on
     what was seen in the frame. Raises RefusedError for an unknown method."""
     method = camera.distortion.model if settings.method == "camera" else settings.method
     if settings.method == "camera" and method in settings.left_out:

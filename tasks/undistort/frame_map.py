@@ -74,7 +74,7 @@ def undistorted_places(model: DistortionModel) -> Array:
 
 
 def _from_coarse(function: Callable[[Array], Array], size_px: tuple[int, int], step_px: int) -> Plane:
-    """A smooth function of undistorted pixels (..., 2), float32 (ny, nx) or (ny, nx, k), asked on a coarse grid."""
+    """A smooth function of undistorted pixels (..., 2), float32 (ny, nx) or (ny, nx, k), evaluated on a coarse grid."""
     import cv2
 
     columns, rows = size_px
@@ -109,8 +109,8 @@ def _in_blocks(model: DistortionModel, grid: Array) -> Array:
 def _splined(model: DistortionModel, columns: int, rows: int) -> Array | None:
     """Raw places (rows, columns, 2) from a coarse grid; None where the model has gaps, which splines cannot bridge.
 
-    The model's own inverse is asked at every second node only; one Newton step, whose derivative is that of the spline
-    through those, brings the other nodes to it.
+    The model's own inverse is evaluated at every second node only; one Newton step, whose derivative is that of the
+    spline through those, brings the other nodes to it.
     """
     rough_x, rough_y = (np.linspace(0, n - 1, max(n // (2 * COARSE_STEP_PX) + 1, 4)) for n in (columns, rows))
     rough = model.distort_points(_grid(rough_x, rough_y))

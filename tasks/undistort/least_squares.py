@@ -43,7 +43,7 @@ def weighted_fit(design: Array, values: Array, sigma: Array, what: str) -> Fit:
     if condition > WORST_CONDITION:
         raise RefusedError(
             Reason.DEGREE_TOO_HIGH,
-            f"{what} cannot be told from the marks: its system has the condition number {condition:.1e}.",
+            f"{what} cannot be determined from the marks: its system has the condition number {condition:.1e}.",
             "Lower the degree, or use marks that cover the frame.",
         )
     coefficients = vt.T @ ((u.T @ (values / sigma[:, None])) / s[:, None])

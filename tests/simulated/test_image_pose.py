@@ -16,7 +16,7 @@ from lab.simulate.europa57 import paper_images
 from tasks.initial_pose import ImagePose, ImagePoseSettings, find_pose
 from tasks.initial_pose.find import unmapped
 from tasks.initial_pose.outline import find_outline
-from tasks.initial_pose.time_known import sun_by_orbit
+from tasks.initial_pose.time_known import ByTime, sun_by_orbit
 from tasks.simulate import Scene
 from tasks.simulate.suns import axes_of
 
@@ -191,8 +191,26 @@ def test_markings_of_another_map_give_no_orientation_and_the_doubt_says_so() -> 
     observation = observation_of(scene_of(camera, "lommel-seeliger"), true_pose(camera, phase_deg=40.0))
     found = find_pose(observation, scene_of(camera, "mixture", other_markings()), None, SETTINGS)
     assert not found.has_orientation
-    assert found.attitude_sigma_deg > 60
+    assert (found.priors.attitude_deg or 0) > 60
     assert found.doubts[0].startswith("orientation-unknown: the base map's markings single out no orientation")
+
+
+@pytest.mark.parametrize("factor", [1.005, 1.5])
+def test_a_trajectorys_range_is_the_prior_where_the_limb_agrees(factor: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Known to kilometres; a range that the limb contradicts is another body's, or another time's."""
+    camera = small_camera()
+    scene, truth = unmapped(scene_of(camera, "mixture")), true_pose(camera, phase_deg=40.0)
+    monkeypatch.setattr(
+        "tasks.initial_pose.find.known_by_time", lambda *_: ByTime(range_km=factor * truth.range_km, source="spice")
+    )
+    found = find_pose(observation_of(scene_of(camera, "lommel-seeliger"), truth), scene, 0.0, SETTINGS)
+    if factor < 1.1:
+        assert found.pose.range_km == pytest.approx(factor * truth.range_km)
+        assert (found.priors.range_km, found.priors.range_share) == (20.0, None)
+    else:
+        assert abs(found.pose.range_km / truth.range_km - 1) < 4 * found.range_sigma
+        assert found.priors.range_km is None
+        assert found.priors.range_share == pytest.approx(max(4 * found.range_sigma, 0.02))
 
 
 def test_the_body_is_at_rest_in_j2000_where_its_rotation_is_known() -> None:
