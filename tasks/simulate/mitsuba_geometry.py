@@ -1,13 +1,32 @@
-"""Mitsuba renders where each ray meets the target; shading follows in numpy, so that one render serves many laws."""
+"""Mitsuba renders where each ray meets the target; cosines and laws follow, so that one render serves many laws."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.renderer import mitsuba, rendered
+from tasks.simulate.surface_loop import sampled_surface
 from tasks.simulate.window import Window
+
+Image = NDArray[np.float32]
+
+
+def rendered_surface(
+    pose: Pose, camera: Camera, target: Target, basemap: BaseMap, window: Window, oversample: int
+) -> tuple[NDArray[np.bool_], Image, Image, Image]:
+    """Hit, cosine of incidence (0 at night), of emission, and albedo (ny*s, nx*s), as `ellipsoid_surface`."""
+    return sampled_surface(
+        render_positions(pose, camera, target, window, oversample),
+        target.mean_radius_km,
+        np.array(target.radii_km, np.float64),
+        np.ascontiguousarray(pose.spacecraft_in_body_km, np.float64),
+        np.ascontiguousarray(pose.sun_direction_in_body, np.float64),
+        np.ascontiguousarray(basemap.albedo, np.float32),
+        float(basemap.left_edge_deg),
+    )
 
 
 def render_positions(
