@@ -27,7 +27,7 @@ class SceneSettings(BaseModel):
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
     oversample: int | None = Field(None, ge=1, le=16)
     behind_share: float | None = Field(0.1, gt=0, lt=1)
-    rays: Literal["closed-form", "mitsuba"] = "closed-form"
+    rays: Literal["closed-form", "mitsuba-limb", "mitsuba"] = "closed-form"
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,12 @@ class Scene:
         oversample = min(self.oversample_for(pose), enough)
         return replace(self, settings=self.settings.model_copy(update={"oversample": oversample}))
 
+    def with_rendered_limb(self) -> "Scene":
+        """The same with at least the limb rendered by Mitsuba."""
+        if self.settings.rays != "closed-form":
+            return self
+        return replace(self, settings=self.settings.model_copy(update={"rays": "mitsuba-limb"}))
+
     def window(self, pose: Pose, margin_px: float | None = None) -> Window:
         """The target's window (see `target_window`)."""
         return target_window(pose, self.camera, self.target, margin_px)
@@ -118,6 +124,8 @@ class Scene:
         """Cosines and albedo at every sub-pixel, by the ray caster of the settings."""
         if self.settings.rays == "mitsuba":
             from tasks.simulate.mitsuba_geometry import rendered_surface as surface
+        elif self.settings.rays == "mitsuba-limb":
+            from tasks.simulate.mitsuba_geometry import surface_with_rendered_limb as surface
         else:
             from tasks.simulate.closed_form import ellipsoid_surface as surface
         return Surface(*surface(pose, self.camera, self.target, self.basemap, window, oversample))
