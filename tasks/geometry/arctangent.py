@@ -1,4 +1,4 @@
-"""The arctangent of two coordinates without branches or calls, so that loops over pixels that need it are vectorised."""
+"""The arctangent of two coordinates without branches or calls, so that loops over pixels can be vectorised."""
 
 import math
 

@@ -7,7 +7,6 @@ make forks and concurrent callers unsafe and the compilation several times longe
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tasks.compiled import compiled
 from tasks.geometry.arctangent import atan2_deg

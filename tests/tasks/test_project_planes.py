@@ -15,8 +15,8 @@ from catalog.pose import Pose
 from catalog.target import RotationModel, Target
 from lab.benchmark.reference import project_planes_with_numpy
 from tasks.compiled import compiled
-from tasks.project.backplanes import ANGLES, PLANES, POINT
 from tasks.geometry.arctangent import atan2_deg
+from tasks.project.backplanes import ANGLES, PLANES, POINT
 from tasks.project.planes import project_planes
 from tasks.project.points import body_points
 
