@@ -60,7 +60,7 @@ class PositionModel:
             return nowhere, nowhere
         first = np.array([float(self.cube[name][0]) for name in ("x", "y")])
         size = np.array([self.cube.sizes[name] for name in ("x", "y")])
-        finite = np.isfinite(xy_px).all(axis=1)
+        finite = np.asarray(np.isfinite(xy_px).all(axis=1))
         index = np.rint(np.where(finite[:, None], xy_px, 0.0) - first).astype(np.int64)
         inside = np.asarray(finite & ((index >= 0) & (index < size)).all(axis=1))
         index = np.clip(index, 0, size - 1) if clipped else np.where(inside[:, None], index, -1)
