@@ -31,12 +31,12 @@ def demo(
     import time
 
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
-    from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.result import exit_status
     from flows.run import run_requests
     from lab.demo.run import run_demo
     from lab.demo.table import demo_table
+    from local_server.prefect_settings import server_choice
     from tasks.profile import Profile
 
     def run(requests: "list[Request]", told: "Reporter") -> list[dict[str, Any]]:

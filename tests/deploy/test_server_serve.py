@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from catalog.errors import RefusedError
-from flows.server_serve import AUTHENTICATION, check_door, is_loopback, serving_environment
+from local_server.serve import AUTHENTICATION, check_door, is_loopback, serving_environment
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "127.9.9.9", "localhost", "::1", "[::1]"])

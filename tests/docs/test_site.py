@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("catalog", "tasks", "flows", "planetpose", "lab")
+FLOORS = ("catalog", "tasks", "local_server", "flows", "planetpose", "lab")
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 

@@ -45,7 +45,7 @@ def told() -> Iterator[tuple[str, SimpleQueue[Any]]]:
 TELLS = """
 import sys, time
 from importlib.util import module_from_spec, spec_from_file_location
-from flows.prefect_settings import prepare
+from local_server.prefect_settings import prepare
 prepare("local")
 from prefect.events import emit_event
 spec = spec_from_file_location("alert", sys.argv[1])

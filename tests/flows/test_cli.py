@@ -18,7 +18,7 @@ from flows.progress import Silent
 from flows.request import Request
 from flows.result import EMPTY
 from flows.run import run_requests
-from flows.server import ServerFiles, stop_server
+from local_server.server import ServerFiles, stop_server
 
 Cli = Callable[..., subprocess.CompletedProcess[str]]
 PLANETPOSE = [sys.executable, "-c", "from flows.cli import main; main()"]

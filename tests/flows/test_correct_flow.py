@@ -209,7 +209,7 @@ def test_a_server_that_does_not_answer_gives_every_image_a_result(
     run: Run, image: Callable[[str, str], Path], work_log: Path, monkeypatch: pytest.MonkeyPatch,
     plain_environment: dict[str, Any],
 ) -> None:  # fmt: skip
-    from flows.server import free_port
+    from local_server.server import free_port
 
     nowhere = f"http://127.0.0.1:{free_port()}/api"
     from prefect.settings import PREFECT_API_URL, temporary_settings

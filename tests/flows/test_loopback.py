@@ -21,9 +21,9 @@ from catalog.loopback import (
     proxy_for,
     set_unusable_proxies_aside,
 )
-from flows import reachable
-from flows.reachable import ServerError, check_reachable, said_when_it_takes_long
-from flows.server import answers
+from local_server import reachable
+from local_server.reachable import ServerError, check_reachable, said_when_it_takes_long
+from local_server.server import answers
 
 DEAD = "http://127.0.0.1:9"
 SPELLINGS = [spelled for name in PROXIES for spelled in (name, name.upper())]

@@ -19,7 +19,7 @@ from planetpose import result as result_module
 from tasks.publish.check import product_faults
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("catalog", "tasks", "flows", "lab")
+NAMES = ("catalog", "tasks", "local_server", "flows", "lab")
 # What the stability promise covers. Adding a name is a minor version, taking one out a major one: see
 # docs/reference/api/planetpose.md before changing this list.
 PROMISED = [
