@@ -165,7 +165,7 @@ class ExportOptions(Options):
     format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
         ...,
         min_length=1,
-        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more.",
+        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube, pds4, pds4-map; repeat.",
     )
     out: Path = opt(Path("export"), description="Folder that files are written into.")
     projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")
