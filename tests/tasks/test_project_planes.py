@@ -143,7 +143,7 @@ def test_a_window_is_a_cut_of_the_frame_even_beyond_its_edges():
     assert window.illuminated.sum() < window.on_body.sum()
 
 
-def test_only_the_planes_asked_for_are_computed():
+def test_only_the_planes_requested_are_computed():
     pose = pose_with(1.5e6, (0.3, 1, -2), (1, 0.2, 0.5), np.zeros(2), (5e8, 4e8, -2e8))
     everything = project_planes(pose, CAMERA, TRIAXIAL)
     some = project_planes(pose, CAMERA, TRIAXIAL, planes=("phase", "latitude"))
