@@ -52,9 +52,9 @@ def reprocess(
     from tempfile import TemporaryDirectory
 
     from flows.cli.output import clean_stdout, write_json
-    from flows.server import ServerFiles, end
     from lab.benchmark.reprocess import benchmark_archive, benchmark_small
     from lab.simulate.archive import MANIFEST, simulate_europa57
+    from local_server.server import ServerFiles, end
 
     def tell(part: str, figures: dict[str, Any]) -> None:
         if json:
