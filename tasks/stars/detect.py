@@ -17,7 +17,7 @@ def star_kernel(shape_px2: Array) -> Array:
     sky: a Gaussian less its mean over the kernel (DAOFIND; Stetson 1987, PASP 99, 191). Of unit response to a Gaussian
     of height 1."""
     widest = float(np.sqrt(np.linalg.eigvalsh(shape_px2)[-1]))
-    half = max(2, int(np.ceil(2.5 * widest)))
+    half = max(2, int(np.ceil(3.5 * widest)))
     y, x = np.mgrid[-half : half + 1, -half : half + 1].astype(float)
     inverse = np.linalg.inv(shape_px2)
     size = inverse[0, 0] * x**2 + 2 * inverse[0, 1] * x * y + inverse[1, 1] * y**2

@@ -81,7 +81,7 @@ def solve(
         before = tried
         for found in search.hypotheses(rays, region):
             tried = before + found.tried
-            false_alarm = min(1.0, found.chance * tried)
+            false_alarm = min(1.0, found.chance * max(tried, 1))
             least = min(least, false_alarm)
             if found.matches >= settings.least_stars and false_alarm < PROMISING:
                 lock = search.refined(region, found, tried)
