@@ -69,7 +69,8 @@ def initial_pose(
     kind, from_file = parts_of_pose_file(pose_file, target)
     if kind == "isd":
         _refuse_other_exposure(frame, from_file, pose_file)
-    et, clock_faults = _first_known(from_file.et, frame.label_pose.et), ()
+    clock_faults: tuple[str, ...] = ()
+    et = _first_known(from_file.et, frame.label_pose.et)
     if et is None:
         et, clock_faults = _time_of_frame(frame, camera, kernels)
     if et is None:
