@@ -57,9 +57,10 @@ class TiffReader:
             with warnings.catch_warnings(), ExitStack() as opened:
                 warnings.simplefilter("ignore")
                 file = opened.enter_context(MemoryFile(content))
+                remarks: tuple[str, ...] = ()
                 if len(pages) > 1:
                     tags, picture, band = _page(path, file.name, pages, plane, opened)
-                    pixels, quality, remarks = *_grey_pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1), band), ()
+                    pixels, quality = _grey_pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1), band)
                 else:
                     tags = pages[0][1] if pages else {}
                     picture = opened.enter_context(file.open(driver="GTiff"))
