@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.publish.overlay import DPI, PNG_LEVEL
 from tasks.stars.image import StarImage
 from tasks.stars.sources import STAR
 
@@ -25,6 +24,7 @@ UNKNOWN: dict[str, Any] = {"marker": "s", "edgecolors": "#E69F00", "label": "not
 UNLIKE: dict[str, Any] = {"marker": ".", "c": "#888888", "label": "peak unlike a star"}
 UNSEEN: dict[str, Any] = {"marker": "+", "c": "#009E73", "label": "catalog star not seen"}
 SIZE = 110.0
+DPI, PNG_LEVEL = 110, 6
 RESIDUAL_SCALE = 60.0  # times enlarged
 SIDE_INCHES = 9.0
 NAMED = 12
