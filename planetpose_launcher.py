@@ -1,12 +1,12 @@
-"""Starts planetpose with its own `catalog`, `tasks`, `flows` and `lab`, whatever else is called so.
+"""Starts planetpose with its own `catalog`, `tasks`, `flows`, `viewer` and `lab`, whatever else is called so.
 
 Their names are general: a folder on PYTHONPATH, or the working folder, may hold a user's `tasks.py` or `flows.py`. This
 module alone has a name that nobody else has. The command `planetpose` imports it, and processes that it starts run it:
 
-    python -P planetpose_launcher.py -m flows.server_keeper ARGUMENTS
+    python -P planetpose_launcher.py -m local_server.keeper ARGUMENTS
     python -P planetpose_launcher.py ARGUMENTS OF planetpose
 
-Importing it is enough: from then on the four packages come from the folder that this file is in, in processes that
+Importing it is enough: from then on our packages come from the folder that this file is in, in processes that
 multiprocessing starts as well, for they import the main module first.
 """
 
@@ -17,12 +17,12 @@ from pathlib import Path
 from types import ModuleType
 
 HERE = Path(__file__).resolve().parent
-PACKAGES = frozenset({"catalog", "tasks", "flows", "lab"})
+PACKAGES = frozenset({"catalog", "tasks", "local_server", "flows", "viewer", "lab"})
 put_aside: dict[str, str] = {}  # name and file of strangers that were imported before
 
 
 class OwnPackages:
-    """Finds the four packages beside this file, before anything else is looked at."""
+    """Finds our packages beside this file, before anything else is looked at."""
 
     @staticmethod
     def find_spec(name: str, _: Sequence[str] | None = None, target: ModuleType | None = None) -> ModuleSpec | None:
@@ -31,7 +31,7 @@ class OwnPackages:
 
 
 def pin() -> None:
-    """From now on `catalog`, `tasks`, `flows` and `lab` are ours; imported strangers of these names are forgotten."""
+    """From now on the names in PACKAGES are ours; imported strangers of these names are forgotten."""
     if OwnPackages not in sys.meta_path:
         sys.meta_path.insert(0, OwnPackages)
     for name in PACKAGES & sys.modules.keys():

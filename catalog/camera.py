@@ -29,7 +29,7 @@ CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
 
 
 class Distortion(BaseModel):
-    """Which distortion brick the camera needs by default, and its parameters (see `tasks/undistort`)."""
+    """Which distortion method the camera needs by default, and its parameters (see `tasks/undistort`)."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
     model: str = "none"

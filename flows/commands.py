@@ -166,13 +166,14 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     from tasks.photometry.files import in_json, write_photometry
     from tasks.photometry.fit import FitSettings
     from tasks.photometry.laws import LAWS
-    from tasks.photometry.regions import PhotometrySettings, held_values, read_regions
+    from tasks.photometry.regions import PhotometrySettings, bound_values, held_values, prior_values, read_regions
     from tasks.photometry.store import fit_store
 
     refuse_unknown("law", (options.law,), tuple(LAWS))
     selection = Selection(options.latitude, options.longitude, options.max_incidence_deg, options.max_emission_deg)
     calibration, held = options.calibration_percent / 100, held_values(options.hold)
-    fit = FitSettings(calibration, options.units_per_if, held, options.bootstrap)
+    priors, bounds = prior_values(options.prior), bound_values(options.bound)
+    fit = FitSettings(calibration, options.units_per_if, held, priors, bounds, options.bootstrap)
     settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
     regions = read_regions(options.regions, selection) if options.regions else ()
     results = fit_store(options.store, settings, regions)

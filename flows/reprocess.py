@@ -23,7 +23,6 @@ from prefect.states import Completed
 
 from flows.flow import flow_of
 from flows.options import ReprocessOptions
-from flows.prefect_settings import server_is_lost
 from flows.progress import audience, logger
 from flows.reprocessing.image_task import image_task, job_of
 from flows.reprocessing.outcomes import Outcome, all_outcomes
@@ -32,6 +31,7 @@ from flows.reprocessing.pool import pool
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
 from flows.reprocessing.tally import STATUSES, in_words
 from flows.runners import task_runner
+from local_server.prefect_settings import server_is_lost
 from tasks.boundary import PUBLISHED
 
 TOO_MANY_FAILED = "TooManyFailed"

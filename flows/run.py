@@ -11,11 +11,11 @@ from catalog.errors import FailedError, PlanetposeError
 from flows.chain import Chain, only_cached
 from flows.one_image import answer_from_cache, product_twice, twins
 from flows.options import CorrectOptions, ReprocessOptions
-from flows.prefect_settings import prepare, server_at_hand, server_is_lost
 from flows.progress import Reporter, reporting_to
 from flows.request import Request
 from flows.result import result_of
-from flows.server import ServerError, in_use, server_files
+from local_server.prefect_settings import prepare, server_at_hand, server_is_lost
+from local_server.server import ServerError, in_use, server_files
 
 Result = dict[str, Any]
 Tell = Callable[[Result], None]
@@ -61,9 +61,9 @@ def run_requests(
 ) -> list[Result]:
     """Results of `requests` in their order; `tell` gets each as soon as it and those before it are known.
 
-    server: see `flows.prefect_settings`. run_rest: does what the cache cannot answer, in place of the flow. options:
-    what all the requests are made of, where they are; then the flow is `correct`. Whatever happens, every request gets
-    a result.
+    server: see `local_server.prefect_settings`. run_rest: does what the cache cannot answer, in place of the flow.
+    options: what all the requests are made of, where they are; then the flow is `correct`. Whatever happens, every
+    request gets a result.
     """
     run_rest = run_rest or partial(run_with_prefect, server=server, workers=workers, reporter=reporter, options=options)
     ordered = InOrder(len(requests), tell)

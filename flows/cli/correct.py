@@ -21,11 +21,11 @@ def register(app: typer.Typer) -> None:
 def correct(options: CorrectOptions, server: Server = None, json: Json = False, quiet: Quiet = False) -> None:
     """Correct images, print a line or a JSON object for each, and end with the exit status."""
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
-    from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.requests import requests_of_files
     from flows.result import exit_status, tally
     from flows.run import run_requests
+    from local_server.prefect_settings import server_choice
 
     usable_profile(options.profile, None, quiet)
     with wrong_usage("--store"):

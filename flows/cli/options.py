@@ -23,7 +23,7 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stder
 def known_server(option: str | None) -> str | None:
     """The option as it is; what it and the environment come to must be a server, or it is wrong usage."""
     from catalog.loopback import is_address
-    from flows.prefect_settings import EMBEDDED, LOCAL, server_choice
+    from local_server.prefect_settings import EMBEDDED, LOCAL, server_choice
 
     choice = server_choice(option)
     if choice not in (EMBEDDED, LOCAL) and not is_address(choice):

@@ -40,7 +40,7 @@ def log_to_stderr() -> None:
 
 def end_process(status: int) -> NoReturn:
     """End with this exit status; without Prefect's farewell when nobody is there to hear it."""
-    from flows.prefect_settings import server_is_lost
+    from local_server.prefect_settings import server_is_lost
 
     sys.stdout.flush()
     sys.stderr.flush()

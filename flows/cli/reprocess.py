@@ -25,10 +25,10 @@ def reprocess(
     """Do what has to be done of a list, print the run's summary, and end with the exit status."""
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
-    from flows.prefect_settings import server_choice
     from flows.progress import json_reporter, reporter
     from flows.reprocessing.tally import in_words
     from flows.run import run_reprocess
+    from local_server.prefect_settings import server_choice
     from tasks.objectstore.places import usable_place_of
 
     with wrong_usage("--store"):

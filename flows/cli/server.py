@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 
 def status() -> None:
     """Print the server's address, or that none runs."""
-    from flows.server import idle_minutes, running_server, server_files
+    from local_server.server import idle_minutes, running_server, server_files
 
     record = running_server()
     if record is None:
@@ -29,14 +29,14 @@ def status() -> None:
 
 def start() -> None:
     """Start the server now, so that the next command need not."""
-    from flows.server import ensure_server
+    from local_server.server import ensure_server
 
     print(ensure_server())
 
 
 def stop() -> None:
     """Stop the server."""
-    from flows.server import stop_server
+    from local_server.server import stop_server
 
     print("stopped" if stop_server() else "no local server ran")
 
@@ -49,6 +49,6 @@ def serve(
 ) -> None:
     """Run a Prefect server for workers and schedules in the foreground; its database is the environment's
     (PREFECT_SERVER_DATABASE_CONNECTION_URL), else SQLite in PREFECT_HOME."""
-    from flows.server_serve import serve as become_server
+    from local_server.serve import serve as become_server
 
     become_server(host, port)

@@ -68,7 +68,7 @@ def mesh(
 
 def steps(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
-    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "paper",
+    profile: Annotated[str, typer.Option(help="Methods and settings of the steps: a name, or FILE.toml.")] = "paper",
 ) -> None:
     """Time every step of a profile for a 224-px disk in a 1024x1024 frame on one core, and the flow of such frames."""
     from flows.cli.correct import usable_profile

@@ -10,9 +10,9 @@ from typing import Any
 
 from catalog.errors import FailedError
 from catalog.reasons import Reason
-from flows.server import ServerRecord
 from lab.faults.processes import Command, children_of, command_line, resident_mb
 from lab.simulate.small_archive import PROFILE_FILE, write_small_archive
+from local_server.server import ServerRecord
 
 LOOK_EVERY_S = 2.0
 WARM = 0.1  # of the images: libraries are loaded and caches filled by then

@@ -31,21 +31,21 @@ def demo(
     import time
 
     from flows.cli.output import clean_stdout, log_to_stderr, write_json
-    from flows.prefect_settings import server_choice
     from flows.progress import reporter
     from flows.result import exit_status
     from flows.run import run_requests
     from lab.demo.run import run_demo
     from lab.demo.table import demo_table
+    from local_server.prefect_settings import server_choice
     from tasks.profile import Profile
 
-    def run(requests: "list[Request]", told: "Reporter") -> list[dict[str, Any]]:
-        return run_requests(requests, server_choice(server), workers, told, lambda _: None)
+    def run(requests: "list[Request]", reported: "Reporter") -> list[dict[str, Any]]:
+        return run_requests(requests, server_choice(server), workers, reported, lambda _: None)
 
     started = time.monotonic()
     log_to_stderr()
-    with clean_stdout() as answer, reporter(6, Profile().passes * 3 + 5, quiet) as told:
-        rows = run_demo(folder, run, told)
+    with clean_stdout() as answer, reporter(6, Profile().passes * 3 + 5, quiet) as reported:
+        rows = run_demo(folder, run, reported)
         if json:
             for row in rows:
                 write_json(answer, row.to_dict())

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flows.server import ServerFiles, end
 from lab.faults.ground import Ground, look_at
 from lab.faults.scenarios import KILLS, SINGLE, Disturb, disks_taken_down, ended, enlarge
+from local_server.server import ServerFiles, end
 
 Row = dict[str, Any]
 

@@ -39,7 +39,7 @@ def reprocess(
         Path | None,
         typer.Option(help="Image list. Default: the 57 images of `planetpose simulate europa57`, made anew."),
     ] = None,
-    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
+    profile: Annotated[str, typer.Option(help="Methods and settings of the steps: a name, or FILE.toml.")] = "standard",
     workers: Annotated[int, typer.Option(min=1, help="Images at a time.")] = 2,
     small: Annotated[int, typer.Option(min=0, help="Small images; 0: leave them out.")] = 2000,
     archive: Annotated[
@@ -52,9 +52,9 @@ def reprocess(
     from tempfile import TemporaryDirectory
 
     from flows.cli.output import clean_stdout, write_json
-    from flows.server import ServerFiles, end
     from lab.benchmark.reprocess import benchmark_archive, benchmark_small
     from lab.simulate.archive import MANIFEST, simulate_europa57
+    from local_server.server import ServerFiles, end
 
     def tell(part: str, figures: dict[str, Any]) -> None:
         if json:

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from flows.server import free_port
+from local_server.server import free_port
 
 START_TIMEOUT_S = 60.0
 DEBIAN_FOLDERS = Path("/usr/lib/postgresql")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from catalog.children import our_command, their_module
-from flows.server import answers, free_port
+from local_server.server import answers, free_port
 
 START_TIMEOUT_S = 180.0
 STOP_TIMEOUT_S = 30.0

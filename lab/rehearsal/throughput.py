@@ -25,7 +25,7 @@ def measure_throughput(count: int, workers: list[int], tell: Callable[[str], Non
     Every cluster first does some other images, so that its processes have started and compiled; each measured run has
     an empty cache and store. The flow is `reprocess` on the local Prefect server.
     """
-    from flows.prefect_settings import prepare, server_choice
+    from local_server.prefect_settings import prepare, server_choice
 
     prepare(server_choice(None))
     with tempfile.TemporaryDirectory(prefix="planetpose-throughput-") as scratch:

@@ -195,7 +195,7 @@ def camera_file(path: Path, **content: Any) -> str:
     return str(path)
 
 
-def test_a_camera_or_target_that_contradicts_the_label_is_told(tmp_path: Path) -> None:
+def test_a_camera_or_target_that_contradicts_the_label_is_reported(tmp_path: Path) -> None:
     path = fits_file(tmp_path / "a.fits", ("", np.ones((800, 800), np.uint8)), CAMERA="galileo-ssi", TARGET="EUROPA")
     frame = read_frame(path, camera="voyager1-nac", target="io")
     assert (frame.camera, frame.target) == ("voyager1-nac", "io")

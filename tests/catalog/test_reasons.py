@@ -12,7 +12,9 @@ from catalog.reasons import TEXTS, Reason, reason_texts
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [
-    path for floor in ("catalog", "tasks", "flows", "planetpose", "lab") for path in (ROOT / floor).rglob("*.py")
+    path
+    for floor in ("catalog", "tasks", "local_server", "flows", "planetpose", "viewer", "lab")
+    for path in (ROOT / floor).rglob("*.py")
 ]
 ERRORS = {"RefusedError", "FailedError", "NoMaximumError", "Diagnosis"}
 # Codes that are put together when they are raised, by the expression that does it.

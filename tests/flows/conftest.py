@@ -23,7 +23,7 @@ def server_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         patch.setenv("PLANETPOSE_SERVER_IDLE_MINUTES", "3")
         patch.delenv("PREFECT_API_URL", raising=False)
         patch.delenv("PREFECT_HOME", raising=False)
-        from flows.server import in_use, server_files, stop_server
+        from local_server.server import in_use, server_files, stop_server
 
         with in_use(server_files()):  # or it goes to sleep while this process is busy with other tests
             yield state
@@ -34,7 +34,7 @@ def server_state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture(scope="session")
 def prefect_api(server_state: Path) -> Iterator[str]:
     """A real Prefect server, and this process's Prefect pointed to it."""
-    from flows.prefect_settings import prepare
+    from local_server.prefect_settings import prepare
 
     assert server_state
     with pytest.MonkeyPatch.context() as patch:

@@ -12,7 +12,7 @@ import pytest
 from catalog.children import LAUNCHER, our_command, our_module, their_module
 
 MINE = "open({!r}, 'a').write(__name__ + chr(10)); raise SystemExit('a file of the user was executed')\n"
-NAMES = ("tasks", "flows", "catalog", "lab")
+NAMES = ("tasks", "flows", "catalog", "viewer", "lab")
 WHERE = """
 import json, sys
 import planetpose_launcher, flows, tasks.atomic, catalog.settings, lab

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from flows.server import ServerFiles, ServerRecord, ensure_server, is_held, running_server, stop_server
+from local_server.server import ServerFiles, ServerRecord, ensure_server, is_held, running_server, stop_server
 
 STUB = """
 import sys
@@ -31,7 +31,7 @@ HTTPServer(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])), Health).s
 COMMAND = """
 import sys
 from pathlib import Path
-from flows.server import ServerFiles, ensure_server
+from local_server.server import ServerFiles, ensure_server
 print(ensure_server(ServerFiles(Path(sys.argv[1]))))
 """
 
@@ -117,7 +117,7 @@ def test_it_stops_by_itself_when_nobody_uses_it(files: ServerFiles, monkeypatch:
 
 
 def test_who_uses_it_keeps_saying_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from flows import server
+    from local_server import server
 
     files = ServerFiles(tmp_path)
     monkeypatch.setattr(server, "USE_SIGNAL_S", 0.01)
@@ -128,7 +128,7 @@ def test_who_uses_it_keeps_saying_so(tmp_path: Path, monkeypatch: pytest.MonkeyP
             wait_until(lambda: files.used.stat().st_mtime > 0)
 
 
-class Told:
+class Reported:
     """A clock that shows what it is told, and a server that can only be stopped."""
 
     def __init__(self) -> None:
@@ -152,18 +152,18 @@ DAY_S = 24 * 3600.0
 @pytest.mark.parametrize("jump_s", [0.0, DAY_S, 400 * DAY_S, -DAY_S, -400 * DAY_S, 3.0, -3.0])
 def test_a_jump_of_the_time_of_day_neither_stops_a_server_in_use_nor_keeps_one(tmp_path: Path, jump_s: float) -> None:
     """The file of the last use is marked with the time of day. An hour of use, in which that jumps; then nobody."""
-    from flows.server_keeper import Idleness, stop_when_idle
+    from local_server.keeper import Idleness, stop_when_idle
 
-    files, told, of_day = ServerFiles(tmp_path), Told(), 1.7e9
+    files, reported, of_day = ServerFiles(tmp_path), Reported(), 1.7e9
     files.touch()
     os.utime(files.used, (of_day, of_day))
-    idleness = Idleness(files, told)
+    idleness = Idleness(files, reported)
 
     def passes(seconds: float) -> int:
         nonlocal of_day
-        told.now, of_day = told.now + seconds, of_day + seconds
-        stop_when_idle(files, told, 60.0, idleness)  # type: ignore[arg-type]
-        return told.stopped
+        reported.now, of_day = reported.now + seconds, of_day + seconds
+        stop_when_idle(files, reported, 60.0, idleness)  # type: ignore[arg-type]
+        return reported.stopped
 
     for minute in range(60):
         if minute == 30:
@@ -195,17 +195,17 @@ def test_after_kill_9_the_next_command_has_a_server_again(files: ServerFiles, vi
         assert now == record  # a server that lost its keeper still serves, and `stop` still finds it
 
 
-def test_a_record_of_another_life_is_not_believed(files: ServerFiles) -> None:
+def test_a_record_of_another_life_is_not_assumed(files: ServerFiles) -> None:
     files.folder.mkdir(parents=True)
     files.record.write_text('{"url": "http://127.0.0.1:9/api", "keeper_pid": 1, "server_pid": 1}')
     assert running_server(files) is None
     assert ensure_server(files) != "http://127.0.0.1:9/api"  # and process 1 was not touched
 
 
-def test_a_server_that_cannot_start_is_told_with_its_log(
+def test_a_server_that_cannot_start_is_reported_with_its_log(
     files: ServerFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from flows import server
+    from local_server import server
 
     (tmp_path / "stub" / "prefect" / "__main__.py").write_text("raise SystemExit('no database')")
     monkeypatch.setattr(server, "START_TIMEOUT_S", 10.0)
@@ -226,7 +226,7 @@ while True:
 def test_a_server_that_listens_and_never_answers_ends_with_that_reason(
     files: ServerFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from flows import server
+    from local_server import server
 
     (tmp_path / "stub" / "prefect" / "__main__.py").write_text(DEAF)
     monkeypatch.setattr(server, "SILENT_S", 0.5)
@@ -236,8 +236,8 @@ def test_a_server_that_listens_and_never_answers_ends_with_that_reason(
     wait_until(lambda: not is_held(files.alive_lock))  # it was stopped
 
 
-def test_what_is_waited_for_is_told_by_what_the_server_has_come_to(files: ServerFiles) -> None:
-    from flows.server import ServerRecord, waiting_for
+def test_what_is_waited_for_is_reported_by_what_the_server_has_come_to(files: ServerFiles) -> None:
+    from local_server.server import ServerRecord, waiting_for
 
     assert "its first start takes" in waiting_for(files)
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -251,7 +251,7 @@ def test_what_is_waited_for_is_told_by_what_the_server_has_come_to(files: Server
 
 
 def test_a_silence_lasts_from_when_a_server_listens(monkeypatch: pytest.MonkeyPatch) -> None:
-    from flows import reachable
+    from local_server import reachable
 
     moments = iter(range(100))
     heard = {"listens": False}
@@ -301,7 +301,7 @@ def test_the_local_server_does_nothing_without_its_password(prefect_api: str) ->
     """A real server: whoever else reaches its port learns that it lives, and no more."""
     import httpx
 
-    from flows.server import server_files
+    from local_server.server import server_files
 
     record = server_files().read()
     assert record is not None
@@ -315,8 +315,8 @@ def test_the_local_server_does_nothing_without_its_password(prefect_api: str) ->
 def test_a_local_server_that_is_named_by_its_address_gets_its_password(
     prefect_api: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from flows.prefect_settings import prepare
-    from flows.server import server_files
+    from local_server.prefect_settings import prepare
+    from local_server.server import server_files
 
     record = server_files().read()
     assert record is not None

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from catalog.loopback import keep_loopback_direct, open_url, set_unusable_proxies_aside
-from flows.reachable import check_reachable, said_when_it_takes_long
-from flows.server import HEALTH_TIMEOUT_S, ensure_server, server_files
-from flows.server_serve import AUTHENTICATION, CLIENT_AUTHENTICATION
+from local_server.reachable import check_reachable, said_when_it_takes_long
+from local_server.serve import AUTHENTICATION, CLIENT_AUTHENTICATION
+from local_server.server import HEALTH_TIMEOUT_S, ensure_server, server_files
 
 QUIET = {
     "PREFECT_SERVER_ANALYTICS_ENABLED": "false",

@@ -2,7 +2,7 @@
 needs it. It asks for a password that only its user can read.
 
 Prefect needs a server for every flow, and starting one takes 4 to 15 s; so the first command that has work to do starts
-one in the background. A keeper process (`flows.server_keeper`) owns it and stops it after a time without use. Whether
+one in the background. A keeper process (`local_server.keeper`) owns it and stops it after a time without use. Whether
 it lives is known by a lock that keeper and server hold, which also survives neither kill -9 nor a reboot.
 """
 
@@ -26,7 +26,7 @@ from filelock import FileLock
 from catalog.children import our_module
 from catalog.loopback import open_url
 from catalog.settings import state_folder
-from flows.reachable import ServerError, Silence, listens, said_when_it_takes_long
+from local_server.reachable import ServerError, Silence, listens, said_when_it_takes_long
 
 START_TIMEOUT_S = 180.0
 HEALTH_TIMEOUT_S = 5.0
@@ -210,7 +210,7 @@ def _start_keeper(files: ServerFiles, port: int) -> subprocess.Popen[bytes]:
     """Start keeper and server as a session of their own, so that they outlive this command and its terminal."""
     with files.log.open("ab") as log:
         return subprocess.Popen(
-            our_module("flows.server_keeper", str(files.folder), str(port), str(idle_minutes() * 60)),
+            our_module("local_server.keeper", str(files.folder), str(port), str(idle_minutes() * 60)),
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

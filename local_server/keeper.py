@@ -1,6 +1,6 @@
 """Keeper of the local Prefect server: starts it, and stops it when it has not been used for a while.
 
-Run by `flows.server`: python -m flows.server_keeper FOLDER PORT IDLE_SECONDS
+Run by `local_server.server`: python -m local_server.keeper FOLDER PORT IDLE_SECONDS
 """
 
 import fcntl
@@ -17,8 +17,8 @@ from types import FrameType
 from filelock import FileLock
 
 from catalog.children import their_module
-from flows.server import ServerFiles, ServerRecord
-from flows.server_serve import AUTHENTICATION, serving_environment
+from local_server.serve import AUTHENTICATION, serving_environment
+from local_server.server import ServerFiles, ServerRecord
 
 CHECK_EVERY_S = 2.0
 STOP_TIMEOUT_S = 10.0
