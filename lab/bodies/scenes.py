@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
-from lab.bodies.caster import Annulus, Globe
+from lab.bodies.caster import Annulus, Globe, cast
+from lab.honesty.caster import rays_of
 from lab.honesty.scene import LENSES, Lens
 from lab.honesty.solids import Solid, Texture, packaged_texture, procedural_texture
 
@@ -31,6 +32,10 @@ LAWS: tuple[tuple[str, dict[str, float]], ...] = (
     ("hapke", {"w": 0.9, "b": -0.25, "b0": 0.5, "h": 0.05, "roughness_deg": 15.0}),
 )
 OFFSET_PX, RANGE_SIGMA, ATTITUDE_DEG, EPHEMERIS_KM = 8.0, 0.001, 0.3, 5.0
+ATTEMPTS, SAMPLES = 60, 60
+LEAST_LIT = 0.35
+# Where something hides or shadows the target it does so.
+MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0}
 MOONS = ("io", "europa", "ganymede")
 
 
@@ -120,8 +125,31 @@ def unit(longitude_deg: float, latitude_deg: float) -> Array:
 
 
 def scene_of(kind: str, number: int) -> Scene:
-    """The scene of a kind and number."""
-    random = np.random.default_rng([MASTER_SEED, KINDS.index(kind), number])
+    """The scene of a kind and number: the first draw that leaves enough of the target in sight and in sunlight."""
+    for attempt in range(ATTEMPTS):
+        scene = drawn(kind, number, attempt)
+        if LEAST_LIT <= lit_share(scene) <= MOST_LIT[kind]:
+            return scene
+    raise ValueError(f"no scene {kind} {number} in {ATTEMPTS} draws")
+
+
+def lit_share(scene: Scene) -> float:
+    """How much of what the target would show of its day side alone is seen and in full sunlight."""
+    radius_px = scene.lens.focal_px * find_target(scene.target).mean_radius_km / float(np.linalg.norm(scene.target_km))
+    steps = np.linspace(-radius_px, radius_px, SAMPLES)
+    x, y = (grid.ravel() for grid in np.meshgrid(steps + scene.centre_px[0], steps + scene.centre_px[1]))
+    middle = (FRAME_PX - 1) / 2
+    rays = rays_of(scene.camera_from_j2000, scene.lens.focal_px, (middle, middle), x, y)
+    globes, sun = scene.globes(), scene.target_km + scene.sun_km
+    alone, seen = cast(rays, globes[:1], sun, 7), cast(rays, globes, sun, 7)
+    day = alone.radiance > 0
+    lit = day & (seen.body_id == globes[0].naif_id) & (seen.shadow < 0.5) & (seen.radiance > 0.9 * alone.radiance)
+    return float(lit.sum() / max(day.sum(), 1))
+
+
+def drawn(kind: str, number: int, attempt: int) -> Scene:
+    """One draw."""
+    random = np.random.default_rng([MASTER_SEED, KINDS.index(kind), number, attempt])
     lens = list(LENSES.values())[number % 4]
     law = LAWS[number % 3 if number % 5 else 3]
     ringed = kind == "ring"
