@@ -16,6 +16,7 @@ from flows.options import (
     KernelsOptions,
     PhotometryOptions,
     ReportOptions,
+    StarsOptions,
 )
 
 if TYPE_CHECKING:
@@ -166,13 +167,14 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     from tasks.photometry.files import in_json, write_photometry
     from tasks.photometry.fit import FitSettings
     from tasks.photometry.laws import LAWS
-    from tasks.photometry.regions import PhotometrySettings, held_values, read_regions
+    from tasks.photometry.regions import PhotometrySettings, bound_values, held_values, prior_values, read_regions
     from tasks.photometry.store import fit_store
 
     refuse_unknown("law", (options.law,), tuple(LAWS))
     selection = Selection(options.latitude, options.longitude, options.max_incidence_deg, options.max_emission_deg)
     calibration, held = options.calibration_percent / 100, held_values(options.hold)
-    fit = FitSettings(calibration, options.units_per_if, held, options.bootstrap)
+    priors, bounds = prior_values(options.prior), bound_values(options.bound)
+    fit = FitSettings(calibration, options.units_per_if, held, priors, bounds, options.bootstrap)
     settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
     regions = read_regions(options.regions, selection) if options.regions else ()
     results = fit_store(options.store, settings, regions)
@@ -199,6 +201,17 @@ def adjust(options: AdjustOptions, show: Show) -> None:
     found = adjust_store(options.store, AdjustSettings(gap_s=options.gap), options.out)
     good = all(each["reason"].startswith(NOT_JOINT) for each in found["left_out"])
     show(Row(adjustment_table(found), found, good))
+
+
+def stars(options: StarsOptions, show: Show) -> None:
+    """A row per image; no stars are a result too. Raises WrongOptionError for a catalog, columns or a direction that
+    are no good."""
+    from tasks.stars.report import as_text
+    from tasks.stars.requests import requests_of
+    from tasks.stars.write import stars_of_images
+
+    for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
+        show(Row(as_text(content), content, good))
 
 
 def check(options: CheckOptions, show: Show) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from catalog.settings import DEFAULT_PROFILE, cache_folder
-from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
+from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, known_flip, opt
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 
@@ -67,7 +67,7 @@ class CorrectOptions(ImageOptions, KernelOptions):
     product: Annotated[tuple[str, ...], Cli(metavar="NAME")] = opt(
         (), description="Name of the product instead of the file's; once for each file."
     )
-    profile: str = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    profile: str = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     hold: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="GROUPS", text=True)] = opt(
         (), description="Do not change: range, attitude, roll, offset, psf (comma list)."
     )
@@ -88,7 +88,7 @@ class ReprocessOptions(Options):
         ..., min_length=1, description="Image list: a name of the catalog, or a CSV, TOML or Parquet file."
     )
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
-    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     only: tuple[str, ...] = opt((), description="Products like this (C16*); repeat for more.")
     kernels: tuple[Path, ...] | None = opt(
         description="SPICE kernels for images whose list names none; repeat for more."
@@ -165,7 +165,7 @@ class ExportOptions(Options):
     format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
         ...,
         min_length=1,
-        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more.",
+        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube, pds4, pds4-map; repeat.",
     )
     out: Path = opt(Path("export"), description="Folder that files are written into.")
     projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")
@@ -208,7 +208,10 @@ class PhotometryOptions(Options):
     """Fit a phase function to a region's pixels in all images of a store."""
 
     store: OneStore = opt(..., description="A store, or one product's folder.")
-    law: str = opt("lunar-lambert", description="lunar-lambert or hapke.")
+    law: str = opt(
+        "lunar-lambert",
+        description="lambert, lommel-seeliger, lunar-lambert, mcewen, minnaert, akimov, hapke, hapke-2002, hapke-2012.",
+    )
     latitude: Limits = opt(LATITUDES, description="South and north limit.")
     longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
     regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
@@ -217,11 +220,18 @@ class PhotometryOptions(Options):
     hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
         (), description="A parameter that is not solved; repeat for more."
     )
+    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
+        (), description="What is known of a parameter, with its 1-sigma; repeat for more."
+    )
+    bound: Annotated[tuple[str, ...], Cli(metavar="NAME=LOW:HIGH")] = opt(
+        (), description="Limits of a parameter; repeat for more."
+    )
     calibration_percent: float = opt(
         5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
     )
     units_per_if: float | None = opt(
-        ge=1e-12, description="Hapke: image units per I/F; without it w comes from the brightness' shape alone."
+        ge=1e-12,
+        description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
     )
     albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
     doubtful: bool = opt(False, description="Doubtful images too.")
@@ -240,6 +250,32 @@ class AdjustOptions(Options):
     )
     out: File = opt(description="Folder for adjust.json and a pose file per image.")
     gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
+
+
+class StarsOptions(KernelOptions):
+    """Identify the stars of images: the camera's orientation without any target."""
+
+    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
+    catalog: str = opt("gaia", description="gaia, hipparcos, or a FITS, VOTable, CSV or Parquet file.")
+    columns: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="NAME=COLUMN,...", text=True)] = opt(
+        (), description="Columns of the file: ra_deg, dec_deg, magnitude, pm_ra_mas, pm_dec_mas, parallax_mas, ident."
+    )
+    epoch: float | None = opt(ge=1800, le=2200, description="Julian year of the file's directions; default 2000.")
+    near: Annotated[Text, Cli(metavar="TARGET|RA,DEC")] = opt(
+        description="The camera looks near this body or direction (degrees), and nowhere else."
+    )
+    cone_deg: float = opt(10.0, gt=0, le=180, description="How near the boresight is to it, degrees.")
+    camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
+    pose_file: Annotated[File, Cli(("--pose",))] = opt(
+        description="Pose file (JSON) whose camera_from_j2000 is the predicted orientation."
+    )
+    mask: File = opt(description="Picture of the raw image's size; not 0: do not use the pixel.")
+    flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
+        description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
+    )
+    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
+    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
+    out: File = opt(description="Folder for a JSON file and a picture per image.")
 
 
 class CheckOptions(Options):

@@ -292,8 +292,7 @@ def names_in(path: Path) -> Iterator[str]:
 
 
 def test_identifiers_are_the_fields_or_plain_words() -> None:
-    named = [path for path in SOURCES if not name_of(path).startswith("lab/")]
-    named += sorted((ROOT / "docs").rglob("*.py"))
+    named = [*SOURCES, *sorted((ROOT / "docs").rglob("*.py")), *sorted((ROOT / "tests").rglob("*.py"))]
     vague = {
         f"{name_of(path)}: {name}"
         for path in named

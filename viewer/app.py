@@ -32,6 +32,7 @@ from viewer.table import Table, columns_of
 STATIC = Path(__file__).parent / "static"
 PAGE = STATIC / "index.html"
 TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
+FAULT = "x-planetpose-fault"
 MOST_MASK_PIXELS = 100_000_000
 
 
@@ -62,9 +63,9 @@ class Side:
         self.table, self.planes = Table(self.store), Planes(self.store)
 
     def known(self, product: str) -> str:
-        """The product's name. Raises RefusedError for one that is not in the store's table: nothing else is served."""
+        """The product's name. Raises HTTPException for one that is not in the store's table: nothing else is served."""
         if product not in self.table.places:
-            raise RefusedError(Reason.PRODUCT_MISSING, f"the store has no {product!r}.", "See the table.")
+            raise HTTPException(404, "The store has no such product.")
         return product
 
 
@@ -84,9 +85,8 @@ def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI
 
 
 def refused(_: Request, error: Exception) -> Response:
-    """What is wrong, for the page to show."""
-    missing = isinstance(error, RefusedError) and error.code == Reason.PRODUCT_MISSING
-    return JSONResponse({"fault": str(error)}, status_code=404 if missing else 400)
+    """What is wrong, for the page to show. It is an answer: of a failure, browsers would write into their console."""
+    return JSONResponse({"fault": str(error)}, headers={FAULT: "1"})
 
 
 def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:

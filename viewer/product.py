@@ -82,12 +82,9 @@ def _line(model: CubeModel, curve: Curve) -> list[list[float] | None]:
 
 def _points(model: CubeModel, xy: Any) -> list[list[float] | None]:
     places = model.pixels_of(np.asarray(xy, dtype=np.float64))
-    if model.detector is not None:  # beyond a raw frame's edge a curve has no place: as in the undistorted frame
-        places = np.where(np.isfinite(places), places, np.nan)
-    return [
-        [round(float(x), DIGITS), round(float(y), DIGITS)] if np.isfinite(x) and np.isfinite(y) else None
-        for x, y in places
-    ]
+    known = np.isfinite(places).all(axis=-1)
+    rounded = np.round(np.where(known[:, None], places, 0.0), DIGITS).tolist()
+    return [place if there else None for place, there in zip(rounded, known, strict=True)]
 
 
 def shown_result(folder: Path) -> dict[str, Any]:

@@ -99,13 +99,13 @@ def run_batch(ground: Ground, number: int, seed: int) -> dict[str, Any]:
     if took.get(place, 0.0) > LONGEST_S:
         faults.append(f"it took {took[place]:.1f} s")
     shutil.rmtree(folder, ignore_errors=True)
-    told = {"spoil": spoil_of(number), "status": bad.get("status"), "reason": bad.get("reason")}
-    return {**told, "seconds": round(took.get(place, 0.0), 3), "faults": faults}
+    reported = {"spoil": spoil_of(number), "status": bad.get("status"), "reason": bad.get("reason")}
+    return {**reported, "seconds": round(took.get(place, 0.0), 3), "faults": faults}
 
 
 def corrected(requests: list[Request], place: int, spoilt: Spoilt, took: dict[int, float]) -> list[Result]:
     """Results of the requests as the command `correct` tells them; `took` gets the seconds of each that needs work."""
-    told: list[Result] = []
+    reported: list[Result] = []
 
     def run_step(position: int, step: AnyStep, progress: Progress) -> Record:
         if position == place:
@@ -118,8 +118,8 @@ def corrected(requests: list[Request], place: int, spoilt: Spoilt, took: dict[in
             ordered.put(position, one_result(request, Silent(), run_step=partial(run_step, position)))
             took[position] = time.monotonic() - started
 
-    run_requests(requests, "none", 1, Silent(), told.append, without_prefect)
-    return told
+    run_requests(requests, "none", 1, Silent(), reported.append, without_prefect)
+    return reported
 
 
 def faults_of(requests: list[Request], results: list[Result], place: int, spoilt: Spoilt) -> Iterator[str]:

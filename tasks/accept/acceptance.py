@@ -35,7 +35,7 @@ def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
             measured = "the lit limb is nowhere on usable pixels of the frame"
         raise FailedError(
             Reason.LIMB_NOT_MEASURED,
-            f"{measured}, so nothing bears the corrected pose out.",
+            f"{measured}, so nothing confirms the corrected pose.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
     if is_off(accept, limb, accept.max_limb_rms_px):

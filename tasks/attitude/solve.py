@@ -37,7 +37,7 @@ class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
     attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
     match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
-    larger turn is accepted only where the markings, compared with what chance gives, bear it out strongly; None, the
+    larger turn is accepted only where the markings, compared with what chance gives, support it strongly; None, the
     default, takes what the prior of the orientation contradicts (3 of its sigmas). A turn whose 1-sigma about some axis
     exceeds max_sigma_deg is never accepted. min_lit: weakest simulated shading, relative to the brightest, at which
     markings are compared.
@@ -202,7 +202,7 @@ def why_not_so_far(
         return None
     return (
         f"a turn of {angle:.1f} deg is not believable (limit {limit:g} deg), "
-        "for the markings do not bear it out strongly"
+        "for the markings do not support it strongly"
     )
 
 

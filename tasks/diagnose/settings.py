@@ -12,7 +12,7 @@ class DiagnoseSettings(BaseModel):
     less than `worth` below the best, is settled, on a disk of at most settle_px. least_likeness, least_limb: an
     explanation is good when image and simulation correlate by so much, and when the limb lies where the explanation has
     it, within limb_px or limb_share of the radius, on the share least_limb of its lit segments. sure_likeness: where no
-    limb bears it out, a target counts as found when they correlate by so much. better: it is preferred to another one
+    limb confirms it, a target counts as found when they correlate by so much. better: it is preferred to another one
     that leaves so many times its mean square unexplained. false_alarm: probability that, of all that was tried, one
     were so much better, or fitted at all, by accident. markings: a picture counts as mirrored or turned when its
     markings then correlate with the map's by so much, and by markings_better more than otherwise; by less,

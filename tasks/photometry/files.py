@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from catalog.safe_name import safe_product_name
-from tasks.photometry.fit import PhotometricFit
-from tasks.photometry.laws import find_law
+from tasks.photometry.fit import SCALE, PhotometricFit
+from tasks.photometry.laws import IMAGE_UNITS, RADIANCE_FACTOR, find_law
 from tasks.photometry.region import RegionPixels
 from tasks.photometry.regions import RegionResult
 
@@ -53,10 +53,21 @@ def _parameters(fit: PhotometricFit) -> Iterable[dict[str, Any]]:
             "name": name,
             "value": value,
             "sigma": fit.sigma[name] if free else None,
-            "unit": known[name].unit if name in known else "image units per I/F",
+            "unit": unit_of(name, fit),
             "how": "held" if name in fit.held else "at-bound" if name in fit.at_bound else "solved",
             "meaning": known[name].meaning if name in known else "brightness of a surface of I/F 1",
         }
+
+
+def unit_of(name: str, fit: PhotometricFit) -> str:
+    """Unit of a parameter; an albedo is I/F where the images' scale is known, else in image units: those of the source
+    file, DN or what it was calibrated to."""
+    law = find_law(fit.law)
+    if name == SCALE:
+        return f"{IMAGE_UNITS} per {RADIANCE_FACTOR}"
+    if name == "albedo":
+        return RADIANCE_FACTOR if fit.absolute else IMAGE_UNITS
+    return {p.name: p.unit for p in law.parameters}.get(name, "")
 
 
 def _images(result: RegionResult, pixels: RegionPixels, fit: PhotometricFit) -> Iterable[dict[str, Any]]:

@@ -1,6 +1,6 @@
 """A law's parameters from the pixels of a region, with a calibration factor of every image as nuisance."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from catalog.errors import FailedError, RefusedError
 from catalog.reasons import Reason
 from catalog.robust import huber_weight, sigma_about_zero
+from tasks.photometry.fit_settings import FitSettings
 from tasks.photometry.laws import PhotometricLaw, Values
 from tasks.photometry.region import RegionPixels
 
@@ -22,26 +23,12 @@ SCALE = "scale"
 
 
 @dataclass(frozen=True)
-class FitSettings:
-    """calibration_sigma: relative 1-sigma of the images' calibration against each other; 0 holds all factors at 1.
-    units_per_if: image units per I/F for laws that need it; None solves one factor for all images, so that w comes from
-    the shape of the brightness alone. held: parameters not to be solved, with their values. bootstrap: how many times
-    the fit is repeated with patches of ground drawn anew; 0 leaves the uncertainties to the covariance."""
-
-    calibration_sigma: float = 0.05
-    units_per_if: float | None = None
-    held: dict[str, float] = field(default_factory=dict)
-    bootstrap: int = 0
-    seed: int = 1
-
-
-@dataclass(frozen=True)
 class PhotometricFit:
     """values: of all parameters, held ones too (`scale`: image units per I/F of laws that need it). sigma: 1-sigma of
     the solved ones; at_bound: those that ran into a limit, whose sigma means nothing. names, covariance (n, n): of the
     solved. calibration, calibration_sigma (images,): factors of the images. residual (pixels,): relative to the
     image's median brightness; model (pixels,). rms (images,): of the residuals. tiles: patches of ground; method:
-    where the uncertainties come from."""
+    where the uncertainties come from. absolute: whether the albedo of a law that has one is I/F, not in image units."""
 
     law: str
     values: dict[str, float]
@@ -57,6 +44,7 @@ class PhotometricFit:
     rms: Array
     tiles: int
     method: str
+    absolute: bool = True
 
 
 def fit_law(law: PhotometricLaw, pixels: RegionPixels, settings: FitSettings | None = None) -> PhotometricFit:
@@ -82,21 +70,12 @@ class _Problem:
     def __init__(self, law: PhotometricLaw, pixels: RegionPixels, settings: FitSettings) -> None:
         self.law, self.pixels, self.settings = law, pixels, settings
         mean_phases = np.array([pixels.mean_phase_deg(i) for i in range(len(pixels.products))])
-        self.held = {**law.held_without(mean_phases), **settings.held}
-        bounds = {p.name: (p.start, p.low, p.high) for p in law.parameters}
+        undetermined = {p.name: p.held for p in law.parameters if p.only_with_prior}
+        undetermined |= law.held_without(mean_phases)
+        given = {**settings.priors, **settings.bounds}
+        self.held = {name: value for name, value in undetermined.items() if name not in given} | settings.held
         self.level = self._levels()
-        if law.scaled:
-            bounds["albedo"] = (2 * float(np.median(self.level)), 1e-9, np.inf)
-        elif settings.units_per_if is None:
-            bounds[SCALE] = (3 * float(np.median(self.level)), 1e-12, np.inf)
-        else:
-            self.held[SCALE] = settings.units_per_if
-        unknown = set(settings.held) - {p.name for p in law.parameters} - {SCALE}
-        if unknown:
-            known = ", ".join(p.name for p in law.parameters)
-            raise RefusedError(
-                Reason.PARAMETER_UNKNOWN, f"{law.name} has no {', '.join(sorted(unknown))}.", f"Has {known}."
-            )
+        bounds = self._bounds()
         self.names = tuple(name for name in bounds if name not in self.held)
         self.start, self.low, self.high = (np.array([bounds[n][k] for n in self.names]) for k in range(3))
         self.images = len(pixels.products) if settings.calibration_sigma > 0 and len(pixels.products) > 1 else 0
@@ -106,9 +85,39 @@ class _Problem:
             [np.zeros(len(self.names)), np.full(self.images, settings.calibration_sigma or 1.0) ** -2.0]
         )
         self.expected = np.zeros(len(self.prior))
+        for name, (value, sigma) in settings.priors.items():
+            if name in self.names:
+                self.expected[self.names.index(name)] = value
+                self.prior[self.names.index(name)] = sigma**-2.0
         _, self.tile = np.unique(pixels.tile, return_inverse=True)
         if len(pixels.value) < 5 * (len(self.names) + self.images):
             raise FailedError(Reason.TOO_FEW_PIXELS, "the region has too few pixels for this law.", "Widen it.")
+
+    def _bounds(self) -> dict[str, tuple[float, float, float]]:
+        """Start, lower and upper limit of the parameters that may be solved; holds the images' scale where it is known.
+        Raises RefusedError for settings of a parameter that the law does not have, or limits without room."""
+        law, settings = self.law, self.settings
+        bounds = {p.name: (p.start, p.low, p.high) for p in law.parameters}
+        known = {*bounds, SCALE}
+        if unknown := {*settings.held, *settings.priors, *settings.bounds} - known:
+            fault = f"{law.name} has no {', '.join(sorted(unknown))}."
+            raise RefusedError(Reason.PARAMETER_UNKNOWN, fault, f"Has {', '.join(bounds)}.")
+        if settings.units_per_if is not None:
+            self.held[SCALE] = settings.units_per_if
+        if law.scaled:
+            bounds["albedo"] = (2 * float(np.median(self.level)) / self.held.get(SCALE, 1.0), 1e-9, np.inf)
+        elif SCALE not in self.held:
+            bounds[SCALE] = (3 * float(np.median(self.level)), 1e-12, np.inf)
+        for name, (value, _) in settings.priors.items():
+            bounds[name] = (value, *bounds[name][1:])
+        for name, (low, high) in settings.bounds.items():
+            if not low < high:
+                raise RefusedError(
+                    Reason.PARAMETER_UNKNOWN, f"{name} has no room from {low} to {high}.", "Exchange them."
+                )
+            bounds[name] = (bounds[name][0], low, high)
+        inside = {n: (float(np.clip(start, low, high)), low, high) for n, (start, low, high) in bounds.items()}
+        return {n: each for n, each in inside.items() if n != SCALE or not law.scaled}
 
     def _levels(self) -> Array:
         """Median brightness of each image."""
@@ -127,8 +136,9 @@ class _Problem:
         """Brightness (pixels,)."""
         p, values = self.pixels, self.values(x)
         factor = np.exp(x[len(self.names) :])[p.image] if self.images else 1.0
-        scale = 1.0 if self.law.scaled else values[SCALE]
-        return np.asarray(factor * scale * p.albedo * self.law.reflectance(values, p.mu0, p.mu, p.phase_deg))
+        return np.asarray(
+            factor * values.get(SCALE, 1.0) * p.albedo * self.law.reflectance(values, p.mu0, p.mu, p.phase_deg)
+        )
 
     def residual(self, x: Array) -> Array:
         """(pixels,), relative to the image's median."""
@@ -172,8 +182,9 @@ class _Problem:
         for w, b, theta in ((0.9, -0.3, 15.0), (0.6, -0.2, 25.0), (0.97, -0.45, 8.0)):
             other = first.copy()
             for name, value in (("w", w), ("b", b), ("theta_deg", theta)):
-                if name in self.names:
-                    other[self.names.index(name)] = value
+                if name in self.names and name not in self.settings.priors:
+                    place = self.names.index(name)
+                    other[place] = np.clip(value, self.low[place], self.high[place])
             starts.append(other)
         return starts
 
@@ -205,7 +216,9 @@ class _Problem:
         residual = self.residual(x)
         image = self.pixels.image
         spread = np.array([sigma_about_zero(residual[image == i]) for i in range(len(self.level))])
-        sigma = np.maximum(spread, 1e-6)[image]
+        noise = self.pixels.noise / self.level[image] if self.pixels.noise is not None else np.zeros(len(image))
+        usual = np.array([np.median(noise[image == i]) for i in range(len(self.level))])
+        sigma = np.sqrt(np.maximum(spread**2 - usual**2, (1e-6 + 0.1 * spread) ** 2)[image] + noise**2)
         size = np.abs(residual) / sigma
         weight = counts * huber_weight(size, HUBER) / sigma**2
         return weight, float(np.average(np.abs(residual), weights=counts))
@@ -266,6 +279,7 @@ class _Problem:
             rms=np.array([float(np.sqrt(np.mean(residual[image == i] ** 2))) for i in images]),
             tiles=int(self.tile.max()) + 1,
             method=method,
+            absolute=SCALE in self.held or not self.law.scaled,
         )
 
 

@@ -17,6 +17,7 @@ from catalog.reasons import Reason
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.geometry.bilinear import map_values
+from tasks.photometry.errors import brightness_errors
 from tasks.pictures.product import map_of_product
 from tasks.publish.index import open_index
 from tasks.publish.index_rows import UNREADABLE
@@ -35,7 +36,8 @@ USED = ("ok",)
 class RegionPixels:
     """n pixels of one region. products: names of the images that see it. image (n,): which of them; value: brightness
     above the sky's; mu0, mu: cosines of incidence and emission; phase_deg; albedo: relative, of the base map, or 1;
-    tile: the patch of ground, counted over all images. seen: pixels per image before they were thinned out."""
+    tile: the patch of ground, counted over all images. seen: pixels per image before they were thinned out. noise (n,):
+    1-sigma of the brightness by noise and pose, None where nobody knows it."""
 
     products: tuple[str, ...]
     image: NDArray[np.intp]
@@ -46,6 +48,7 @@ class RegionPixels:
     albedo: Array
     tile: NDArray[np.intp]
     seen: tuple[int, ...]
+    noise: Array | None = None
 
     def mean_phase_deg(self, image: int) -> float:
         """Mean phase of one image's pixels."""
@@ -165,7 +168,15 @@ def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: 
         "phase_deg": phase,
         "albedo": albedo,
         "tile": _tiles(latitude, longitude, tile_deg),
+        "noise": _noise_at(source, table),
     }
+
+
+def _noise_at(source: Source, table: "pd.DataFrame") -> Array:
+    """1-sigma of the brightness of the pixels in `table`, noise and pose together."""
+    errors = brightness_errors(source)
+    places = table["y"].to_numpy(), table["x"].to_numpy()
+    return np.hypot(errors.noise[places], errors.pose[places]).astype(np.float64)
 
 
 def _tiles(latitude: Array, longitude: Array, tile_deg: float) -> NDArray[np.intp]:

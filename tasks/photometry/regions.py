@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -70,11 +71,36 @@ def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
 
 def held_values(given: Sequence[str]) -> dict[str, float]:
     """NAME=VALUE pairs. Raises WrongOptionError for anything else."""
-    held = {}
+    return {name: value for name, (value,) in _named_numbers(given, "hold", "NAME=VALUE", None).items()}
+
+
+def prior_values(given: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """NAME=VALUE+-SIGMA. Raises WrongOptionError for anything else, or a sigma that is not positive."""
+    found = _named_numbers(given, "prior", "NAME=VALUE+-SIGMA", "+-")
+    if wrong := [name for name, pair in found.items() if not pair[1] > 0]:
+        raise WrongOptionError("prior", f"the 1-sigma of {', '.join(wrong)} is not positive.", "")
+    return {name: (pair[0], pair[1]) for name, pair in found.items()}
+
+
+def bound_values(given: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """NAME=LOW:HIGH. Raises WrongOptionError for anything else, or limits without room between them."""
+    found = _named_numbers(given, "bound", "NAME=LOW:HIGH", ":")
+    if wrong := [name for name, pair in found.items() if not pair[0] < pair[1]]:
+        raise WrongOptionError("bound", f"the limits of {', '.join(wrong)} leave no room.", "Give the lower one first.")
+    return {name: (pair[0], pair[1]) for name, pair in found.items()}
+
+
+def _named_numbers(given: Sequence[str], option: str, form: str, between: str | None) -> dict[str, tuple[float, ...]]:
+    """Names and their numbers: one, or two with `between` between them."""
+    found = {}
     for text in given:
         name, _, value = text.partition("=")
+        parts = value.split(between) if between else [value]
         try:
-            held[name.strip()] = float(value)
+            numbers = tuple(float(part) for part in parts)
         except ValueError as error:
-            raise WrongOptionError("hold", f"{text} is not NAME=VALUE.", "") from error
-    return held
+            raise WrongOptionError(option, f"{text} is not {form}.", "") from error
+        if len(numbers) != (2 if between else 1) or not all(map(math.isfinite, numbers)):
+            raise WrongOptionError(option, f"{text} is not {form}.", "")
+        found[name.strip()] = numbers
+    return found

@@ -1,5 +1,5 @@
-"""A profile chooses every step's brick and settings. It is a TOML file that builds on another profile: what it leaves
-out is as there."""
+"""A profile chooses the method and the settings of every step. It is a TOML file that builds on another profile: what
+it leaves out is as there."""
 
 from collections.abc import Iterable
 from functools import cache

@@ -1,4 +1,4 @@
-"""Range: the bricks by name."""
+"""Range: the methods by name."""
 
 from collections.abc import Callable
 from typing import Literal

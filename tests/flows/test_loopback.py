@@ -77,7 +77,7 @@ def test_what_is_this_machine(host: str) -> None:
 
 @pytest.mark.parametrize("variable", SPELLINGS)
 @pytest.mark.parametrize("value", [DEAD, "127.0.0.1:9", "socks5://127.0.0.1:9"])
-def test_a_server_of_this_machine_is_asked_without_a_proxy(
+def test_a_server_of_this_machine_is_reached_without_a_proxy(
     serving: Any, monkeypatch: pytest.MonkeyPatch, variable: str, value: str
 ) -> None:
     monkeypatch.setenv(variable, value)
@@ -152,10 +152,10 @@ def fault_at(url: str, *aside: Proxy) -> str:
 
 
 def test_a_server_that_is_not_there_is_named_with_a_remedy() -> None:
-    told = fault_at(f"{DEAD}/api")
-    assert "no Prefect server answers at http://127.0.0.1:9/api: [Errno 111] Connection refused" in told
-    assert "--server local or embedded" in told
-    assert "proxy" not in told
+    reported = fault_at(f"{DEAD}/api")
+    assert "no Prefect server answers at http://127.0.0.1:9/api: [Errno 111] Connection refused" in reported
+    assert "--server local or embedded" in reported
+    assert "proxy" not in reported
 
 
 @pytest.mark.parametrize("variable", ["http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"])
@@ -165,10 +165,10 @@ def test_a_proxy_that_is_not_there_is_named_without_its_password(
     monkeypatch.setenv(variable, "http://me:secret@127.0.0.1:9")
     if "all" in variable:  # urllib knows none for all schemes; httpx does
         monkeypatch.setattr(reachable, "_fault_of", lambda url: "unreachable")
-    told = fault_at("http://prefect.example.org/api")
-    assert f"The request went through {variable}=http://...@127.0.0.1:9" in told
-    assert "no_proxy=prefect.example.org" in told
-    assert "secret" not in told
+    reported = fault_at("http://prefect.example.org/api")
+    assert f"The request went through {variable}=http://...@127.0.0.1:9" in reported
+    assert "no_proxy=prefect.example.org" in reported
+    assert "secret" not in reported
 
 
 @pytest.mark.parametrize("status", [403, 407, 502, 503, 504])
@@ -176,9 +176,9 @@ def test_a_proxy_that_does_not_let_us_through_is_named(
     serving: Any, monkeypatch: pytest.MonkeyPatch, status: int
 ) -> None:
     monkeypatch.setenv("http_proxy", f"http://127.0.0.1:{serving(status)}")
-    told = fault_at("http://prefect.example.org/api")
-    assert f"the proxy answers with {status}" in told
-    assert "http_proxy=" in told
+    reported = fault_at("http://prefect.example.org/api")
+    assert f"the proxy answers with {status}" in reported
+    assert "http_proxy=" in reported
 
 
 def test_a_proxy_that_prefect_cannot_use_is_named_where_it_matters(monkeypatch: pytest.MonkeyPatch) -> None:

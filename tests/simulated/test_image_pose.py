@@ -143,7 +143,7 @@ def test_trouble_in_the_frame_moves_the_disk_little(how: str) -> None:
     assert abs(limb.mean_px / 60.0 - 1) < 0.03
 
 
-def test_a_second_disk_is_told() -> None:
+def test_a_second_disk_is_reported() -> None:
     image = disk((70.0, 110.0), 45.0) + disk((190.0, 120.0), 40.0) - 10
     camera = small_camera(size_px=SIZE)
     found = find_pose(observed(image), unmapped(scene_of(camera)), None, SETTINGS)

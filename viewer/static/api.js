@@ -5,7 +5,7 @@ const metaOf = (name) => document.querySelector(`meta[name="planetpose-${name}"]
 const token = metaOf("token"), folder = metaOf("data");
 
 async function answerOf(response) {
-  if (response.ok) return response;
+  if (response.ok && !response.headers.has("x-planetpose-fault")) return response;
   const text = await response.text();
   let fault = text;
   try { fault = JSON.parse(text).fault ?? text; } catch { /* plain text */ }

@@ -14,10 +14,9 @@ export class Hover {
   async prepare(page) {
     const column = Math.floor(page.centre_px?.[0] / page.tile_px) || 0, row = Math.floor(page.centre_px?.[1] / page.tile_px) || 0;
     const inside = [column, row].every((place, i) => place >= 0 && place * page.tile_px < page.size_px[i]);
-    for (const plane of PLANES) {
-      if (this.picture.page !== page) return;
-      await this.picture.tiles.wait(page, this.picture.side, plane, 0, inside ? column : 0, inside ? row : 0);
-    }
+    if (this.picture.page !== page) return;
+    const place = inside ? [column, row] : [0, 0];
+    await Promise.all(PLANES.map((plane) => this.picture.tiles.wait(page, this.picture.side, plane, 0, ...place)));
   }
 
   values(x, y) {

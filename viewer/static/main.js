@@ -30,7 +30,7 @@ const picture = new Picture(of("picture"), {
   drag: (kind, place, step, first) => {
     if (kind === "measure") {
       picture.measure = first ? [place, place] : [picture.measure[0], place];
-      of("hover").textContent = hover.distance(picture.measure);
+      of("hover").textContent = picture.measured = hover.distance(picture.measure);
       picture.redraw();
     } else help.drag(kind, place, step);
   },

@@ -180,7 +180,12 @@ export class Picture {
     if (layers.predicted) this.line(curves.before.limb, STYLE.predicted);
     if (layers.limb) this.line(curves.after.limb, STYLE.limb);
     if (this.help) this.line(this.helpOutline(), STYLE.help);
-    if (this.measure?.length === 2) this.line(this.measure, { colour: "#fff", dash: [], width: 1.5 });
+    if (this.measure?.length === 2) {
+      this.line(this.measure, { colour: "#fff", dash: [], width: 1.5 });
+      this.context.font = "13px system-ui, sans-serif";
+      this.context.textAlign = "left";
+      if (this.measured) this.text(this.measured, this.screenAt(this.measure[1]));
+    }
   }
 
   // The predicted limb moved, scaled and rolled as the help says.
@@ -251,7 +256,7 @@ export class Picture {
       else this.on.drag(this.drag.kind, this.pixelAt(at), step, false);
       this.drag.last = at;
     }
-    this.on.hover(this.pixelAt(at));
+    if (!this.drag || this.drag.kind === "move") this.on.hover(this.pixelAt(at));
   }
   up(event) {
     const drag = this.drag;
