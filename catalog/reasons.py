@@ -24,6 +24,7 @@ class Reason(StrEnum):
     BASE_MAP_UNREADABLE = "base-map-unreadable"
     BENCHMARK = "benchmark"
     BENDING_WITHOUT_FRAME = "bending-without-frame"
+    BODY_UNKNOWN = "body-unknown"
     BUG = "bug"
     CAMERA_FILE_INVALID = "camera-file-invalid"
     CAMERA_FILE_UNREADABLE = "camera-file-unreadable"

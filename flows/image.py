@@ -9,6 +9,7 @@ from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
+from flows.guided import remember
 from flows.prediction import known_at_start, orientation_by_stars, predicted_pose
 from flows.request import is_started_elsewhere, refuse_what_is_no_text
 from flows.result import result_of, verdict
@@ -58,6 +59,7 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
+        remember(request)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 

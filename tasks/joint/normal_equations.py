@@ -101,8 +101,11 @@ def solve_linear(problem: LinearProblem, weight: Image, start: Image | None = No
     cost = _cost(residual, base, huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
     gain_information = inner[:, 0, 0] - problem.local_prior[:, 0]
-    images = (_in_place(values, order, problem.image.shape) for values in (gain, residual, now))
-    return Fit(values, information, whole, *images, cost, own, np.linalg.inv(inner), gain_information, by_others)
+    gain, residual, now = (_in_place(each, order, problem.image.shape) for each in (gain, residual, now))
+    inverse = np.asarray(np.linalg.inv(inner), np.float64)
+    return Fit(
+        values, information, whole, gain, residual, now, cost, own, inverse, gain_information, np.asarray(by_others)
+    )
 
 
 def _in_place(values: Image, order: NDArray[np.int64], shape: tuple[int, ...]) -> Image:
