@@ -35,7 +35,7 @@ OFFSET_PX, RANGE_SIGMA, ATTITUDE_DEG, EPHEMERIS_KM = 8.0, 0.001, 0.3, 5.0
 ATTEMPTS, SAMPLES = 60, 60
 LEAST_LIT = 0.35
 # Where something hides or shadows the target it does so.
-MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0}
+MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0, "moon-shadow": 0.9999}
 MOONS = ("io", "europa", "ganymede")
 
 
