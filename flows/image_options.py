@@ -102,4 +102,7 @@ class ImageOptions(Options):
     window: Annotated[
         tuple[int, int, int, int] | None, BeforeValidator(four_numbers), Cli(metavar="X,Y,W,H", text=True)
     ] = opt(description="Part of the detector in the file, in detector pixels from 0.")
+    stars: Text = opt(
+        description="Look for stars (gaia, hipparcos, or a catalog's file): the camera apart from the target."
+    )
     resume: File = opt(description="Product folder, result.json or store to start from.")

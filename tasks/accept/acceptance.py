@@ -148,15 +148,18 @@ def explained(error: PlanetposeError, predicted: Pose) -> PlanetposeError:
     reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
     if error.code in (BEHIND, "interrupted") or not is_behind(predicted):
         return error
-    return type(error)(BEHIND, f"{behind(predicted)}; with the camera turned to it, {error.fault}", BEHIND_REMEDY)
+    fault = f"{behind(predicted)}. With the camera turned towards it the correction fails: {error.fault}"
+    return type(error)(BEHIND, fault, BEHIND_REMEDY)
 
 
 def refuse_doubtful_behind(predicted: Pose, doubts: list[str]) -> None:
     """Raise FailedError where something speaks against a corrected pose whose predicted one looks away from the
     target: nothing then tells which way up the camera was."""
     if doubts and is_behind(predicted):
-        faults = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
-        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {faults}.", BEHIND_REMEDY)
+        first, others = doubts[0].partition(". ")[0], len(doubts) - 1
+        more = f" and {others} more {'doubt' if others == 1 else 'doubts'}" if others else ""
+        fault = f"{behind(predicted)}. With the camera turned towards it the result is doubtful ({first}{more})."
+        raise FailedError(BEHIND, fault, BEHIND_REMEDY)
 
 
 def is_behind(predicted: Pose) -> bool:

@@ -19,6 +19,7 @@ from catalog.flips import Flip
 from catalog.observation import Frame
 from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose
 from catalog.reasons import Reason
+from catalog.spacecraft_clock import et_by_clock
 from catalog.spice import Kernel, kernel_pool
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
 from catalog.target import Target
@@ -81,7 +82,10 @@ def _initial_pose(
     kind, from_file = parts_of_pose_file(pose_file, target)
     if kind == "isd":
         _refuse_other_exposure(frame, from_file, pose_file)
-    et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
+    clock_faults: tuple[str, ...] = ()
+    et = _first_known(from_file.et, frame.label_pose.et)
+    if et is None:
+        et, clock_faults = _time_of_frame(frame, camera, loaded)
     if et is None:
         why = f"{frame.product}: the label gives no time"
         raise RefusedError(
@@ -94,7 +98,7 @@ def _initial_pose(
     tables, table_faults = parts_of_tables(frame, et)
     header, header_source, header_faults = orientation_of_header(frame, camera, target, et, flip)
     pds4, pds4_faults = parts_of_pds4(frame, camera, flip)
-    label_faults += table_faults + pds4_faults + header_faults
+    label_faults += clock_faults + table_faults + pds4_faults + header_faults
     light_time_s = _light_time_s(from_file, tables, from_label, pds4)
     spice = pose_parts_from_loaded(camera, target, et, loaded, light_time_s)
     known_elsewhere = [part.camera_from_j2000 is not None for part in (from_file, spice.parts, tables)]
@@ -133,6 +137,15 @@ def _refuse_other_exposure(frame: Frame, isd: PartialPose, path: Path | None) ->
 
 def _first_known(*values: float | None) -> float | None:
     return next((value for value in values if value is not None), None)
+
+
+def _time_of_frame(frame: Frame, camera: Camera, loaded: list[Kernel]) -> tuple[float | None, tuple[str, ...]]:
+    """Mid-exposure by the spacecraft's clock, where the camera's file says that it is better and the kernels have it,
+    else the label's; and why it is not the clock's."""
+    if not loaded:
+        return frame.et, ()
+    et, fault = et_by_clock(camera.clock, frame.label, frame.exposure_s, camera.naif_spacecraft_id, frame.et)
+    return _first_known(et, frame.et), (fault,) if fault else ()
 
 
 def _label_parts(frame: Frame, camera: Camera, target: Target, et: float) -> tuple[PartialPose, bool, tuple[str, ...]]:
