@@ -9,7 +9,8 @@ from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
-from flows.prediction import known_at_start, predicted_pose
+from flows.guided import remember
+from flows.prediction import known_at_start, orientation_by_stars, predicted_pose
 from flows.request import is_started_elsewhere, refuse_what_is_no_text
 from flows.result import result_of, verdict
 from flows.verdict import doubts, reminded, settled
@@ -48,15 +49,17 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     refuse_taken(request.product_folder, request.image, frame.sha256)
     predicted, undistorted = predicted_pose(chain, frame)
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
-    known = known_at_start(request, scene, predicted)
+    stars = orientation_by_stars(chain, frame, predicted)
+    known = known_at_start(request, scene, predicted, stars)
     try:
         corrected = corrected_or_explained(chain, Corrected(known, files))
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
-    product = publish(chain, frame, corrected)
+    product = publish(chain, frame, replace(corrected, known=corrected.known.separated(stars)))
     if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
+        remember(request)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 
