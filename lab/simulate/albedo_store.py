@@ -93,18 +93,19 @@ def write_albedo_store(
     attitude_error_deg: float = 0.0,
     place_error_px: float = 0.0,
     stated: Mapping[str, object] | None = None,
+    subpixels_across: int = SUBPIXELS_ACROSS,
     seed: int = 1,
 ) -> PlantedAlbedo:
     """Publish the views. noise: of a pixel, relative to the brightest; level_sigma: relative 1-sigma of the images'
     calibration; attitude_error_deg, place_error_px: 1-sigma, about each axis and along x and y, by which the published
-    poses are wrong; stated: the 1-sigma that products state. Returns what was planted."""
+    poses are wrong; stated: the 1-sigma that products state; subpixels_across: a disk. Returns what was planted."""
     target = find_target("europa")
     chosen = dict(parameters or EUROPA)
     factors, errors = {}, {}
     for view in views:
         rng = generator(seed, view.product, "albedo store")
         factor = float(np.exp(rng.normal(0, level_sigma)))
-        clean = factor * units_per_if * picture(view.pose, view.camera, target, albedo, law, chosen)
+        clean = factor * units_per_if * picture(view.pose, view.camera, target, albedo, law, chosen, subpixels_across)
         sigma = noise * float(clean.max())
         image = (SKY_DN + clean + rng.normal(0, sigma, clean.shape)).astype(np.float32)
         turn = rng.normal(0, 1, 3) * attitude_error_deg
@@ -120,11 +121,17 @@ def write_albedo_store(
 
 
 def picture(
-    pose: Pose, camera: Camera, target: Target, albedo: BaseMap, law: str, parameters: Mapping[str, float]
+    pose: Pose,
+    camera: Camera,
+    target: Target,
+    albedo: BaseMap,
+    law: str,
+    parameters: Mapping[str, float],
+    subpixels_across: int = SUBPIXELS_ACROSS,
 ) -> NDArray[np.float32]:
     """I/F (ny, nx) as the camera sees it: sub-pixels, blurred, summed."""
     nx, ny = camera.size_px
-    part = int(np.clip(np.ceil(SUBPIXELS_ACROSS / (2 * disk_radius_px(pose, camera, target))), 2, 9))
+    part = int(np.clip(np.ceil(subpixels_across / (2 * disk_radius_px(pose, camera, target))), 2, 9))
     fine = np.zeros((ny * part, nx * part), np.float32)
     x, y = ((np.arange(n * part) + 0.5) / part - 0.5 for n in (nx, ny))
     rays = rays_of(pose, camera, target)

@@ -29,7 +29,8 @@ def create_map(
     import xarray as xr
 
     sizes = {name: len(given[1]) for name, given in coordinates.items() if given[0] == name}
-    layers, encoding = {}, {}
+    layers: dict[str, Any] = {}
+    encoding: dict[str, dict[str, Any]] = {}
     for variable in variables:
         shape = tuple(sizes[dim] for dim in variable.dims)
         kind = np.dtype(variable.dtype)

@@ -52,7 +52,7 @@ def store(tmp_path_factory):
     folder = tmp_path_factory.mktemp("albedo") / "store"
     chosen = [view for view in paper_views() if view.product in VIEWS]
     assert len(chosen) == len(VIEWS)
-    return folder, write_albedo_store(folder, chosen, ALBEDO, noise=0.004)
+    return folder, write_albedo_store(folder, chosen, ALBEDO, noise=0.004, subpixels_across=400)
 
 
 @pytest.fixture(scope="module")
