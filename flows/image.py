@@ -18,7 +18,7 @@ from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
 from tasks.publish.step import PublishResult
-from tasks.registry import CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
+from tasks.registry import CLOSEUP, CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
 from tasks.scene_inputs import SceneFiles
 
 
@@ -87,15 +87,15 @@ def corrected_pose(chain: Chain, corrected: Corrected) -> Corrected:
     if is_started_elsewhere(request):
         start = chain.do(START, *inputs.of_start(request, corrected.known.scene, predicted)).result
         corrected = replace(corrected, known=replace(corrected.known, pose=start.pose, search_frame=False))
+    if request.profile.takes_for_close_up(corrected.known.pose, corrected.known.scene):
+        return validated(chain, correct(chain, CLOSEUP.name, 1, corrected))
     for number in range(1, request.profile.passes + 1):
         for name in request.profile.corrections(number):
             corrected = correct(chain, name, number, corrected)
         if number > 1 and settled(chain, number):
             break
         corrected = replace(corrected, known=replace(corrected.known, search_frame=False))
-    validate(chain, corrected)
-    refuse_doubtful_behind(predicted, doubts(chain))
-    return corrected
+    return validated(chain, corrected)
 
 
 def correct(chain: Chain, name: str, number: int, before: Corrected) -> Corrected:
@@ -113,11 +113,14 @@ def correct(chain: Chain, name: str, number: int, before: Corrected) -> Correcte
     return Corrected(known, files, result)
 
 
-def validate(chain: Chain, corrected: Corrected) -> None:
-    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the limb does not
-    agree with the pose."""
+def validated(chain: Chain, corrected: Corrected) -> Corrected:
+    """The same, once the limbs are compared, and the markings where the last correction did not. Raises FailedError
+    when the limb does not agree with the pose, or the image does not bear out one that the target is behind."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
-    check_limb(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
+    report = chain.do(VALIDATE, looked_at, corrected.files).result
+    check_limb(chain.request.profile.accept, report.limb, by_patches=report.patches is not None)
+    refuse_doubtful_behind(corrected.known.predicted, doubts(chain))
+    return corrected
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:

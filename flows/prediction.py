@@ -34,4 +34,5 @@ def known_at_start(request: Request, scene: SceneInputs, predicted: PredictedPos
         priors.attitude_deg,
         search_frame=predicted.source != IN_IMAGE,
         own_priors=predicted.priors,
+        priors=priors,
     )

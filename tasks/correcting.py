@@ -1,7 +1,7 @@
 """What the corrections share: what they are given, and their result as a record keeps it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, Field
@@ -23,7 +23,7 @@ class Known:
     attitude_prior_deg: 1-sigma of the predicted orientation, None where nothing is known of it. search_frame: whether
     the target may be anywhere in the frame. markings_match: False where an attitude step found markings in the image
     that are not the map's. image_moved: whether the image was displaced by what the disk showed of its distortion.
-    own_priors: of the predicted pose, None for those of its sources.
+    own_priors: of the predicted pose, None for those of its sources; priors: whichever hold.
     """
 
     scene: SceneInputs
@@ -35,6 +35,7 @@ class Known:
     markings_match: bool = True
     image_moved: bool = False
     own_priors: PriorSettings | None = None
+    priors: PriorSettings = field(default_factory=PriorSettings)
 
 
 class CorrectionInputs(Content):

@@ -19,17 +19,18 @@ BEHIND_REMEDY = (
 )
 
 
-def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
-    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
+def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:
+    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out. by_patches: whether
+    patches of the base map confirm it, so that no limb is needed, and the whole disk's brightness says nothing."""
     points, likeness = limb.points, limb.likeness
-    if likeness < accept.min_likeness:
+    if likeness < accept.min_likeness and not by_patches:
         raise FailedError(
             Reason.IMAGE_UNLIKE_SIMULATION,
             f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if limb.robust_px is None and accept.require_limb:
+    if limb.robust_px is None and accept.require_limb and not by_patches:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
