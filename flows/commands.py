@@ -16,6 +16,7 @@ from flows.options import (
     KernelsOptions,
     PhotometryOptions,
     ReportOptions,
+    StarsOptions,
 )
 
 if TYPE_CHECKING:
@@ -200,6 +201,17 @@ def adjust(options: AdjustOptions, show: Show) -> None:
     found = adjust_store(options.store, AdjustSettings(gap_s=options.gap), options.out)
     good = all(each["reason"].startswith(NOT_JOINT) for each in found["left_out"])
     show(Row(adjustment_table(found), found, good))
+
+
+def stars(options: StarsOptions, show: Show) -> None:
+    """A row per image; no stars are a result too. Raises WrongOptionError for a catalog, columns or a direction that
+    are no good."""
+    from tasks.stars.report import as_text
+    from tasks.stars.requests import requests_of
+    from tasks.stars.write import stars_of_images
+
+    for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
+        show(Row(as_text(content), content, good))
 
 
 def check(options: CheckOptions, show: Show) -> None:

@@ -16,6 +16,7 @@ from flows.options import (
     KernelsOptions,
     PhotometryOptions,
     ReportOptions,
+    StarsOptions,
 )
 
 
@@ -69,6 +70,12 @@ def photometry(options: PhotometryOptions) -> State[None]:
 def adjust(options: AdjustOptions) -> State[None]:
     """Solve for what the images of a store share."""
     return state_of(commands.adjust, options)
+
+
+@flow_of(StarsOptions)
+def stars(options: StarsOptions) -> State[None]:
+    """Identify the stars of images."""
+    return state_of(commands.stars, options)
 
 
 @flow_of(CheckOptions)

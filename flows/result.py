@@ -57,6 +57,7 @@ EMPTY: dict[str, Any] = {
     },
     "settled": {"passes": None, "pose": None, "attitude": None},
     "orientation": None,
+    "stars": None,
     "limb_rms_px": None,
     "limb_points": None,
     "limb_robust_px": None,

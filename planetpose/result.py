@@ -73,6 +73,7 @@ class Result(TypedDict):
     uncertainty: Uncertainty
     settled: Settled
     orientation: dict[str, Any] | None
+    stars: dict[str, Any] | None
     limb_rms_px: float | None
     limb_points: int | None
     limb_robust_px: float | None

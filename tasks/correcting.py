@@ -1,7 +1,7 @@
 """What the corrections share: what they are given, and their result as a record keeps it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, Field
@@ -11,6 +11,7 @@ from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
 from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs
+from tasks.stars.separate import StarOrientation
 from tasks.step import Changed, StepType
 from tasks.work import Work
 
@@ -36,6 +37,10 @@ class Known:
     image_moved: bool = False
     own_priors: PriorSettings | None = None
     priors: PriorSettings = field(default_factory=PriorSettings)
+
+    def separated(self, stars: StarOrientation | None) -> Self:
+        """The same with the camera as the stars have it, and the target moved in its place; itself without stars."""
+        return self if stars is None else replace(self, pose=stars.separated(self.pose, self.predicted))
 
 
 class CorrectionInputs(Content):

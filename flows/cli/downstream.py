@@ -1,4 +1,4 @@
-"""planetpose adjust, check, export, fetch, kernels, photometry, report: the commands on lists and stores"""
+"""planetpose adjust, check, export, fetch, kernels, photometry, report, stars: the commands on lists and stores"""
 
 import sys
 from functools import partial
@@ -16,6 +16,7 @@ from flows.options import (
     Options,
     PhotometryOptions,
     ReportOptions,
+    StarsOptions,
 )
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def register(app: typer.Typer) -> None:
     add_command(app, FetchOptions, fetch)
     add_command(app, KernelsOptions, kernels)
     add_command(app, ReportOptions, report)
+    add_command(app, StarsOptions, stars)
 
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
@@ -61,6 +63,12 @@ def kernels(options: KernelsOptions, json: Json = False) -> None:
     """See `flows.commands.kernels`."""
     refuse_useless_kernels(options.kernels)
     answer("kernels", options, json)
+
+
+def stars(options: StarsOptions, json: Json = False) -> None:
+    """See `flows.commands.stars`."""
+    refuse_useless_kernels(options.kernels)
+    answer("stars", options, json)
 
 
 def report(options: ReportOptions, quiet: Quiet = False) -> None:

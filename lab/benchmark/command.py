@@ -1,4 +1,4 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput"""
+"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput|stars"""
 
 from typing import Annotated
 
@@ -8,6 +8,7 @@ from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
 from lab.rehearsal.command import deploy, throughput
+from lab.stars.command import stars
 
 
 def register(app: typer.Typer) -> None:
@@ -25,6 +26,7 @@ def register(app: typer.Typer) -> None:
     group.command()(reprocess)
     group.command()(deploy)
     group.command()(throughput)
+    group.command()(stars)
     app.add_typer(group, name="benchmark")
 
 

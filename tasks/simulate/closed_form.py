@@ -14,8 +14,7 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.compiled import compiled_reordered
-from tasks.geometry.arctangent import atan2_deg
-from tasks.geometry.bilinear import bilinear
+from tasks.geometry.bilinear import bilinear, places_on_map
 from tasks.geometry.unit_sphere import closest_approach
 from tasks.simulate.window import Window
 
@@ -41,7 +40,7 @@ def ellipsoid_surface(
         radii,
         np.asarray(pose.sun_direction_in_body, np.float64),
         np.ascontiguousarray(basemap.albedo, np.float32),
-        float(basemap.left_edge_deg),
+        float(basemap.left_edge_deg) % 360.0,
         (hit, mu0, mu, value),
     )
     return hit, mu0, mu, value
@@ -53,12 +52,12 @@ def _fill(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg,
     does a part that the compiler can vectorise; the last one looks up the map."""
     hit, mu0, mu, value = out
     rows, columns = hit.shape
+    px, py, pz, flat = np.empty(columns), np.empty(columns), np.empty(columns), np.empty(columns)
     x, y, chord2 = np.empty(columns), np.empty(columns), np.empty(columns)
     ox, oy, oz = spacecraft[0], spacecraft[1], spacecraft[2]
     ux, uy, uz = to_scaled[0, 0], to_scaled[1, 0], to_scaled[2, 0]
     rx, ry, rz = radii[0], radii[1], radii[2]
-    ix, iy, iz = 1 / rx, 1 / ry, 1 / rz
-    columns_per_deg, rows_per_deg = albedo.shape[1] / 360.0, albedo.shape[0] / 180.0
+    inverse2_x, inverse2_y, inverse2_z = 1 / (rx * rx), 1 / (ry * ry), 1 / (rz * rz)
     for i in range(rows):
         v = first[1] + i * step
         # The direction at u = 0.
@@ -76,25 +75,26 @@ def _fill(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg,
             begin += 1
         while end > begin and chord2[end - 1] <= 0:
             end -= 1
+        # Few arrays in each loop: the compiler must know that none overlaps another.
         for j in range(begin, end):
             u = first[0] + j * step
             dx, dy, dz = vx + ux * u, vy + uy * u, vz + uz * u
             cx, cy, cz, half_chord2, length2 = closest_approach(ox, oy, oz, dx, dy, dz)
             t = math.sqrt(max(half_chord2, 0.0) / length2)
-            sx, sy, sz = cx - t * dx, cy - t * dy, cz - t * dz
-            nx, ny, nz = sx * ix, sy * iy, sz * iz
-            n = 1 / math.sqrt(nx * nx + ny * ny + nz * nz)
-            ex, ey, ez = dx * rx, dy * ry, dz * rz
-            e = 1 / math.sqrt(ex * ex + ey * ey + ez * ez)
-            seen = chord2[j] > 0
-            incidence, emission = (nx * sun[0] + ny * sun[1] + nz * sun[2]) * n, -(nx * ex + ny * ey + nz * ez) * n * e
-            hit[i, j] = seen
-            mu0[i, j] = max(incidence, 0.0) if seen else 0.0
-            mu[i, j] = max(emission, 0.0) if seen else 0.0
-            px, py, pz = sx * rx, sy * ry, sz * rz
-            east = atan2_deg(py, px) - left_edge_deg
-            x[j] = (east - 360.0 * math.floor(east / 360.0)) * columns_per_deg - 0.5
-            y[j] = (90.0 - atan2_deg(pz, math.sqrt(px * px + py * py))) * rows_per_deg - 0.5
+            px[j], py[j], pz[j] = (cx - t * dx) * rx, (cy - t * dy) * ry, (cz - t * dz) * rz
         for j in range(begin, end):
-            if hit[i, j]:
-                value[i, j] = bilinear(albedo, x[j], y[j])
+            u = first[0] + j * step
+            ex, ey, ez = (vx + ux * u) * rx, (vy + uy * u) * ry, (vz + uz * u) * rz
+            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
+            length2 = (nx * nx + ny * ny + nz * nz) * (ex * ex + ey * ey + ez * ez)
+            mu[i, j] = max(-(nx * ex + ny * ey + nz * ez) / math.sqrt(length2), 0.0)
+        for j in range(begin, end):
+            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
+            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / math.sqrt(nx * nx + ny * ny + nz * nz)
+            mu0[i, j] = max(incidence, 0.0)
+        for j in range(begin, end):
+            flat[j] = math.sqrt(px[j] * px[j] + py[j] * py[j])
+        places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)
+        for j in range(begin, end):
+            hit[i, j] = True
+            value[i, j] = bilinear(albedo, x[j], y[j])

@@ -40,7 +40,7 @@ def surface_with_rendered_limb(
 ) -> Samples:
     """The same, rendered in a ring along the lit limb only, in closed form elsewhere."""
     surface = ellipsoid_surface(pose, camera, target, basemap, window, oversample)
-    hit, mu0 = (values[::oversample, ::oversample] for values in surface[:2])
+    hit, mu0 = surface[0][::oversample, ::oversample], surface[1][::oversample, ::oversample]
     for square in squares_along(hit, mu0 > 0):
         part = square.moved(window.x0, window.y0)
         rows = slice(square.y0 * oversample, square.y1 * oversample)

@@ -8,6 +8,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.attitude.markings import UNKNOWN_DEG, Markings, markings_at_pose, mismatch_of
 from tasks.attitude.symmetry import Symmetry, better_flip, doubt_of_symmetry
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
@@ -77,7 +78,8 @@ class ValidateResult(Content):
 def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult:
     """Limb, similarity, Sun, orientation and blocks of a compression under the corrected pose (see `validate_limb`,
     `sun_in_image`, `blocks_of`)."""
-    observation, scene, pose = load_observation(files.image), scene_of(inputs.scene, files), inputs.pose
+    scene, pose = scene_of(inputs.scene, files), inputs.pose
+    observation = alone(load_observation(files.image), pose, scene)
     report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
     before = similarity_before(observation, inputs.predicted, scene, inputs.settings)

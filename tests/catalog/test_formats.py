@@ -179,7 +179,7 @@ def test_members_that_begin_at_the_end_of_a_chunk(
     content = (tmp_path / "a.npy").read_bytes()
     first = pack(content[:1000])
     (tmp_path / "b.npy.packed").write_bytes(first + pack(content[1000:]))
-    monkeypatch.setattr("catalog.readers.packed.CHUNK_BYTES", len(first) + chunk)
+    monkeypatch.setattr("catalog.packed.CHUNK_BYTES", len(first) + chunk)
     same(tmp_path / "b.npy.packed", PICTURE.astype("i2"))
 
 
@@ -210,7 +210,9 @@ def test_a_cube_carries_the_camera_that_the_catalog_lacks(tmp_path: Path) -> Non
     assert camera.size_px == (SAMPLES, LINES)
     assert read_frame(path, "cassini-nac", mode=ImageMode(1, (0, 0, SAMPLES, LINES))).camera == "cassini-nac"
     (tmp_path / "b.cub.gz").write_bytes(gzip.compress(path.read_bytes()))
-    assert read_frame(tmp_path / "b.cub.gz").camera is None
+    packed = read_frame(tmp_path / "b.cub.gz").camera
+    assert packed == f"isis:{tmp_path / 'b.cub.gz'}"
+    assert find_camera(packed).centre_px == camera.centre_px
 
 
 @pytest.mark.parametrize(

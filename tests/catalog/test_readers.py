@@ -255,7 +255,7 @@ def test_cubes_and_archives_are_refused_with_a_remedy(tmp_path: Path) -> None:
 def test_every_catalog_camera_can_be_found_by_each_of_its_label_names() -> None:
     for camera in known_cameras().values():
         for name in camera.label_names:
-            assert camera_of_names([name.lower()]) == camera.name
+            assert camera_of_names([name.lower()], camera.detector_size_px) == camera.name
 
 
 def test_target_spellings() -> None:
