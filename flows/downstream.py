@@ -10,6 +10,7 @@ from flows.commands import Row, Show
 from flows.flow import O, flow_of
 from flows.options import (
     AdjustOptions,
+    AstrometryOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
@@ -76,6 +77,12 @@ def adjust(options: AdjustOptions) -> State[None]:
 def stars(options: StarsOptions) -> State[None]:
     """Identify the stars of images."""
     return state_of(commands.stars, options)
+
+
+@flow_of(AstrometryOptions)
+def astrometry(options: AstrometryOptions) -> State[None]:
+    """Write where bodies are seen among the stars."""
+    return state_of(commands.astrometry, options)
 
 
 @flow_of(CheckOptions)

@@ -278,6 +278,16 @@ class StarsOptions(KernelOptions):
     out: File = opt(description="Folder for a JSON file and a picture per image.")
 
 
+class AstrometryOptions(KernelOptions):
+    """Write where a store's bodies are seen among the stars: ADES, CSV, VOTable."""
+
+    store: OneStore = opt(..., description="A store, or one product's folder.")
+    out: Path = opt(Path("astrometry"), description="Folder for the tables.")
+    station: Text = opt(
+        min_length=3, max_length=4, description="The spacecraft's MPC code, for ADES; default: a known one, or XXX."
+    )
+
+
 class CheckOptions(Options):
     """Check published products: checksums, schema, values, provenance, and geometry against their own pose."""
 

@@ -1,4 +1,4 @@
-"""planetpose adjust, check, export, fetch, kernels, photometry, report, stars: the commands on lists and stores"""
+"""planetpose adjust, astrometry, check, export, fetch, kernels, photometry, report, stars: on lists and stores"""
 
 import sys
 from functools import partial
@@ -9,6 +9,7 @@ import typer
 from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
 from flows.options import (
     AdjustOptions,
+    AstrometryOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
@@ -35,6 +36,7 @@ def register(app: typer.Typer) -> None:
     add_command(app, KernelsOptions, kernels)
     add_command(app, ReportOptions, report)
     add_command(app, StarsOptions, stars)
+    add_command(app, AstrometryOptions, astrometry)
 
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
@@ -57,6 +59,12 @@ def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) ->
         items, archive = items_of(options)
     for item in items:
         print(f"{item.source} -> {archive / item.path}")
+
+
+def astrometry(options: AstrometryOptions, json: Json = False) -> None:
+    """See `flows.commands.astrometry`."""
+    refuse_useless_kernels(options.kernels)
+    answer("astrometry", options, json)
 
 
 def kernels(options: KernelsOptions, json: Json = False) -> None:

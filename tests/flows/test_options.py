@@ -12,7 +12,19 @@ from flows import options as models
 from flows.cli import build_app
 from flows.image_options import Options
 
-COMMANDS = ("correct", "reprocess", "fetch", "export", "report", "kernels", "photometry", "adjust", "check", "stars")
+COMMANDS = (
+    "correct",
+    "reprocess",
+    "fetch",
+    "export",
+    "report",
+    "kernels",
+    "photometry",
+    "adjust",
+    "check",
+    "stars",
+    "astrometry",
+)
 OF_THE_TERMINAL = {"json", "log_json", "quiet", "server", "dry_run", "help"}
 DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml").read_text())["deployments"]
 
