@@ -10,15 +10,14 @@ from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
 from flows.options import (
     AdjustOptions,
-    AstrometryOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from catalog.fetch import Item

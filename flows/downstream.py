@@ -10,15 +10,14 @@ from flows.commands import Row, Show
 from flows.flow import O, flow_of
 from flows.options import (
     AdjustOptions,
-    AstrometryOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:

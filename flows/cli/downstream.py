@@ -9,7 +9,6 @@ import typer
 from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
 from flows.options import (
     AdjustOptions,
-    AstrometryOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
@@ -17,8 +16,8 @@ from flows.options import (
     Options,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from flows.commands import Row
