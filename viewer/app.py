@@ -23,6 +23,7 @@ from tasks.position.spelling import read_place
 from tasks.profile import find_profile
 from tasks.publish.cube_model import model_of
 from tasks.publish.names import OVERLAY
+from tasks.report.page import FILTER
 from viewer.planes import Planes
 from viewer.product import product_page
 from viewer.redo import Job, Jobs
@@ -91,7 +92,7 @@ def refused(_: Request, error: Exception) -> Response:
 
 def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
     """The page itself and its files."""
-    files = {path.name: path for path in STATIC.iterdir() if path.suffix in TYPES}
+    files = {path.name: path for path in page_files()}
 
     @app.get("/", response_class=HTMLResponse)
     def page() -> HTMLResponse:
@@ -115,6 +116,11 @@ def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
             "read_only": access.read_only,
             "who": user_name(),
         }
+
+
+def page_files() -> list[Path]:
+    """What the page loads: its own files, and the filters that it shares with the pages of `planetpose report`."""
+    return [*sorted(path for path in STATIC.iterdir() if path.suffix in TYPES), FILTER]
 
 
 def add_table(app: FastAPI, sides: list[Side]) -> None:

@@ -7,7 +7,7 @@ from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
 from tasks.validate.limb import LimbFigures
-from tasks.validate.step import OrientationReport
+from tasks.validate.step import OrientationReport, ValidateResult
 from tasks.validate.sun import SunReport
 
 BEHIND = Reason.TARGET_BEHIND_CAMERA
@@ -19,17 +19,23 @@ BEHIND_REMEDY = (
 )
 
 
-def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
-    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
+def check_report(accept: AcceptSettings, report: ValidateResult) -> None:
+    """Raise FailedError when the image does not bear the corrected pose out, see `check_limb`."""
+    check_limb(accept, report.limb, by_patches=report.patches is not None)
+
+
+def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:
+    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out. by_patches: patches
+    of the base map confirm it, so that no limb is needed, and the whole disk's brightness says nothing."""
     points, likeness = limb.points, limb.likeness
-    if likeness < accept.min_likeness:
+    if likeness < accept.min_likeness and not by_patches:
         raise FailedError(
             Reason.IMAGE_UNLIKE_SIMULATION,
             f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if limb.robust_px is None and accept.require_limb:
+    if limb.robust_px is None and accept.require_limb and not by_patches:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"

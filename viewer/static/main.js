@@ -92,20 +92,20 @@ function fillPlanes(page) {
   of("other").replaceChildren(...options(picture.other, second));
 }
 
-// Once a picture is there: what hovering needs, then the next image.
+// Once a picture is there: the next image, then what hovering needs.
 async function afterFirstPicture(page) {
-  await hover.prepare(page);
-  if (state.page !== page) return;
+  if (!isStatic) await fetchNext(page);
+  if (state.page === page) await hover.prepare(page);
+}
+
+async function fetchNext(page) {
   const row = await table.rowAt((state.place ?? -2) + 1).catch(() => null);
-  if (!row || isStatic) return;
+  if (!row || state.page !== page) return;
   const coming = backend.product(row.product);
-  coming.catch(() => null);
   state.next = { product: row.product, coming };
   const next = await coming.catch(() => null);
-  if (next?.size_px && state.page === page) {
-    const level = next.levels - 1;
-    picture.tiles.wait(next, picture.side, picture.plane, level, 0, 0);
-  }
+  if (!next) state.next = null;
+  if (next?.size_px && state.page === page) await picture.tiles.wait(next, picture.side, picture.plane, next.levels - 1, 0, 0);
 }
 
 async function step(by) {
@@ -232,7 +232,8 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
   const inField = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
-  if (event.key === "Escape" && inField) { event.target.blur(); of("table").focus(); return; }
+  // A search field would clear itself.
+  if (event.key === "Escape" && inField) { event.preventDefault(); event.target.blur(); of("table").focus(); return; }
   if (inField && !(event.target.type === "checkbox")) return;
   const arrow = ARROWS[event.key];
   let work = KEYS[event.key]?.[1];
