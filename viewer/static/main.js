@@ -215,6 +215,11 @@ for (const action of ["accept", "reject", "note"]) of(action).addEventListener("
 of("undo").addEventListener("click", guarded(undo));
 async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
 
+window.addEventListener("hashchange", guarded(async () => {
+  const product = decodeURIComponent(location.hash.slice(1));
+  if (product && product !== state.product) await choose(product);
+}));
+
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
   "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
