@@ -14,6 +14,7 @@ from flows.options import (
     ExportOptions,
     FetchOptions,
     KernelsOptions,
+    MosaicOptions,
     PhotometryOptions,
     ReportOptions,
     StarsOptions,
@@ -64,6 +65,12 @@ def kernels(options: KernelsOptions) -> State[None]:
 def photometry(options: PhotometryOptions) -> State[None]:
     """Fit a phase function to regions of a store."""
     return state_of(commands.photometry, options)
+
+
+@flow_of(MosaicOptions)
+def mosaic(options: MosaicOptions) -> State[None]:
+    """Combine the images of a store to a map of normalised reflectance."""
+    return state_of(commands.mosaic, options)
 
 
 @flow_of(AdjustOptions)

@@ -86,6 +86,9 @@ class ImageOptions(Options):
         description="Base map: an equirectangular picture of the whole body; or none."
     )
     map_left_edge_deg: float = opt(0.0, ge=-360, le=360, description="East longitude of the map's left edge.")
+    body: tuple[str, ...] = opt(
+        (), description="Another body in the frame, by kernels; repeat; or none. Default: all that kernels cover."
+    )
     shape: File = opt(description="Shape model in km for the planes: DSK kernel, OBJ or PLY.")
     start_offset_px: Annotated[
         Limits | None, BeforeValidator(two_numbers), Cli(("--start-offset",), metavar="DX,DY", text=True)

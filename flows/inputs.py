@@ -92,6 +92,8 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         target=None if image.given_target else known_target(frame.target_name),
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
+        bodies=request.body,
+        catalog=target_names_digest() if kernels or request.body else None,
     )
     files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))
     watched = (*watched_image(request, image), *((kernel.path, kernel.sha256) for kernel in kernels))
@@ -201,6 +203,7 @@ def of_validate(request: Request, known: Known, last: CorrectionResult | None) -
         predicted=known.predicted,
         orientation=last.evidence.get("orientation") if last else None,
         attitude_prior_deg=known.attitude_prior_deg,
+        patches=last.evidence.get("patches") if last else None,
         settings=request.profile.validate_,
     )
 

@@ -242,6 +242,41 @@ class PhotometryOptions(Options):
     out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
 
 
+class MosaicOptions(Options):
+    """Combine the images of a store to a map of normalised reflectance with its errors."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("map.zarr"), description="Zarr group that the map is written as.")
+    law: str = opt("hapke", description="Photometric law, as of `planetpose photometry`.")
+    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
+        (), description="A parameter of the law that is not solved; repeat for more."
+    )
+    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
+        (), description="What is known of a parameter; repeat for more."
+    )
+    projection: str = opt("equirectangular", description="equirectangular, orthographic or polar-stereographic.")
+    resolution: str = opt("4ppd", description="Pixels per degree (4ppd) or size of a pixel (10km, 500m).")
+    central_longitude_deg: float | None = opt(description="Middle of an equirectangular map; default 180.")
+    bands: str = opt("none", description="Maps kept apart by: none, filter or camera.")
+    max_incidence_deg: Annotated[float, Cli(("--max-incidence-deg", "--max-incidence"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
+    max_emission_deg: Annotated[float, Cli(("--max-emission-deg", "--max-emission"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
+    weights: str = opt("sigma-resolution", description="sigma-resolution, sigma, resolution or equal.")
+    calibration_percent: float | None = opt(
+        ge=0.01, description="1-sigma of the images' calibration against each other; default: unknown."
+    )
+    units_per_if: float | None = opt(ge=1e-12, description="Image units per I/F; default: the map is in image units.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+    format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
+        (), description="Beside the Zarr group: cog, stac; repeat for more."
+    )
+    memory_mb: float = opt(256.0, ge=8, description="For the images' values in one block of the map.")
+    scheduler: Text = opt(description="Address of a Dask scheduler; default: threads of this process.")
+
+
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 

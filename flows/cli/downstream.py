@@ -1,4 +1,4 @@
-"""planetpose adjust, check, export, fetch, kernels, photometry, report, stars: the commands on lists and stores"""
+"""planetpose adjust, check, export, fetch, kernels, mosaic, photometry, report, stars: commands on lists and stores"""
 
 import sys
 from functools import partial
@@ -13,6 +13,7 @@ from flows.options import (
     ExportOptions,
     FetchOptions,
     KernelsOptions,
+    MosaicOptions,
     Options,
     PhotometryOptions,
     ReportOptions,
@@ -28,7 +29,13 @@ OnlyFaults = Annotated[bool, typer.Option("--quiet", "-q", help="Only products w
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    for name, model in (("adjust", AdjustOptions), ("export", ExportOptions), ("photometry", PhotometryOptions)):
+    models: dict[str, type[Options]] = {
+        "adjust": AdjustOptions,
+        "export": ExportOptions,
+        "mosaic": MosaicOptions,
+        "photometry": PhotometryOptions,
+    }
+    for name, model in models.items():
         add_command(app, model, partial(answer_with_json, name), name)
     add_command(app, CheckOptions, check)
     add_command(app, FetchOptions, fetch)

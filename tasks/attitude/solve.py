@@ -15,6 +15,7 @@ from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
 from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, markings_at_pose
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -93,6 +94,7 @@ def find_attitude(
     orientation at the start, see `AttitudeSettings.max_deg`. converged, and `settled` in
     the evidence: whether turning came to rest within `max_turns`.
     """
+    observation = alone(observation, pose, scene)
     radius = disk_radius_px(pose, scene.camera, scene.target)
     reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))

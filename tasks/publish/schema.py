@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 
 from tasks.publish.index_rows import COLUMNS
-from tasks.publish.variables import FLAGS, REQUIRED_ATTRIBUTES, SENSOR_VARIABLES, VARIABLES, Variable
+from tasks.publish.variables import BODY_VARIABLES, FLAGS, REQUIRED_ATTRIBUTES, SENSOR_VARIABLES, VARIABLES, Variable
 
 INTRODUCTION = """# What a store holds
 
@@ -48,6 +48,8 @@ def schema_markdown() -> str:
         _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, VARIABLES)),
         "\nCubes of the detector's own pixels (`pixel_space` is `sensor`) hold also\n",
         _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, SENSOR_VARIABLES)),
+        "\nCubes whose frame more than one body or a ring concerns hold also\n",
+        _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, BODY_VARIABLES)),
         "\n### Flags of `quality`\n",
         _table(("bit", "flag"), ((str(int(flag)), str(flag.name).lower()) for flag in FLAGS)),
         "\n### Attributes that every cube has\n",

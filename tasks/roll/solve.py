@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
@@ -95,6 +96,7 @@ def find_roll(
     is 0), None when the image cannot tell; then the pose is returned unchanged and the evidence has the reason under
     `left`. evidence: `assigned_to` (camera or target), `decided_by` (image, or setting), and both trials.
     """
+    observation = alone(observation, pose, scene)
     n = reduction_for(pose, scene, settings.diameter_px)
     small = reduced_observation(observation, n)
     # One law, when it is not the surface's, leaves a shading that passes for turned markings.

@@ -8,6 +8,7 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from tasks.attitude.markings import UNKNOWN_DEG, Markings, markings_at_pose, mismatch_of
 from tasks.attitude.symmetry import Symmetry, better_flip, doubt_of_symmetry
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
@@ -19,8 +20,8 @@ from tasks.step import StepType
 from tasks.stored import load_observation, save_arrays
 from tasks.validate import ValidateSettings, validate_limb
 from tasks.validate.blocks import blocks_of
-from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
-from tasks.validate.limb import LimbFigures, margin_px
+from tasks.validate.dark_limb import NOT_SEEN, dark_limb, doubt_of_dark_limb
+from tasks.validate.limb import LimbFigures, LimbReport, margin_px
 from tasks.validate.sun import SunReport, sun_in_image
 from tasks.work import Work
 
@@ -30,13 +31,15 @@ ACROSS_BEFORE = 400.0
 
 class ValidateInputs(Content):
     """What the result depends on. orientation: what the last correction found of the markings, None where it did not
-    look. attitude_prior_deg: 1-sigma of the predicted orientation, None if unknown."""
+    look. attitude_prior_deg: 1-sigma of the predicted orientation, None if unknown. patches: what confirms a close-up,
+    in place of a whole limb; None of other images."""
 
     scene: SceneInputs
     pose: PoseField
     predicted: PoseField
     orientation: PlainJson | None
     attitude_prior_deg: float | None
+    patches: PlainJson | None = None
     settings: ValidateSettings
 
 
@@ -69,15 +72,19 @@ class ValidateResult(Content):
     orientation: OrientationReport
     symmetry: PlainJson | None
     doubt: str | None
+    patches: PlainJson | None = None
 
 
 def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult:
     """Limb, similarity, Sun, orientation and blocks of a compression under the corrected pose (see `validate_limb`,
     `sun_in_image`, `blocks_of`)."""
-    observation, scene, pose = load_observation(files.image), scene_of(inputs.scene, files), inputs.pose
+    scene, pose = scene_of(inputs.scene, files), inputs.pose
+    observation = alone(load_observation(files.image), pose, scene)
     report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
     before = similarity_before(observation, inputs.predicted, scene, inputs.settings)
+    if inputs.patches is not None:
+        return of_close_up(report, before, observation, inputs)
     outside = dark_limb(observation, pose, scene)
     oriented = orientation_of(observation, pose, scene, inputs)
     doubts = [*oriented.doubts, doubt_of_dark_limb(outside)]
@@ -90,6 +97,26 @@ def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult
         orientation=oriented.report,
         symmetry=oriented.symmetry.to_dict() if oriented.symmetry else None,
         doubt=" ".join(doubt for doubt in doubts if doubt) or None,
+    )
+
+
+def of_close_up(
+    report: LimbReport, before: float | None, observation: Observation, inputs: ValidateInputs
+) -> ValidateResult:
+    """Of a frame that shows too little of the disk for its shading, its dark limb or a flip of it to tell anything."""
+    found = inputs.orientation or {"verdict": "undetermined"}
+    return ValidateResult(
+        limb=report.figures(),
+        similarity=Similarity(before=before, after=plain(report.similarity)),
+        sun=SunReport(),
+        blocks=blocks_of(observation),
+        dark_limb=NOT_SEEN.to_dict(),
+        orientation=OrientationReport(
+            verdict=found["verdict"], sigmas=found.get("sigmas"), kept=found.get("kept"), evidence=plain(found)
+        ),
+        symmetry=None,
+        doubt=None,
+        patches=inputs.patches,
     )
 
 

@@ -21,6 +21,7 @@ from catalog.loopback import (
     proxy_for,
     set_unusable_proxies_aside,
 )
+from flows.progress import reporter
 from local_server import reachable
 from local_server.reachable import ServerError, check_reachable, said_when_it_takes_long
 from local_server.server import answers
@@ -219,6 +220,18 @@ def test_waiting_is_said_only_when_it_takes_long(capfd: pytest.CaptureFixture[st
         patch.setattr(sys, "stderr", Heard())
         with said_when_it_takes_long("waiting for nobody", after_s=0):
             assert said.wait(300)
+
+
+def test_quietly_nothing_is_said_of_what_is_waited_for() -> None:
+    before = set(threading.enumerate())  # threads of other tests may take a moment to end
+
+    def speakers() -> list[str]:
+        return [thread.name for thread in set(threading.enumerate()) - before]
+
+    with reporter(1, quiet=True), said_when_it_takes_long("waiting for nobody", after_s=3600):
+        assert speakers() == []
+    with reporter(1, quiet=False), said_when_it_takes_long("waiting for nobody", after_s=3600):
+        assert "waiting-said" in speakers()
 
 
 def test_a_server_that_cannot_be_reached_gives_every_image_a_reason_that_names_it(tmp_path: Path) -> None:

@@ -1,0 +1,58 @@
+"""How a pose moves what the frame shows: pointing and roll of the camera about the frame's middle, and range."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg
+from catalog.target import Target
+from tasks.point.rotation import smallest_turn
+from tasks.project.points import body_points, pixels_of_points
+
+Array = NDArray[np.float64]
+
+# Displacement x, y of what the frame shows in its middle, px; roll about the boresight, degrees, from +x towards +y;
+# logarithm of the range factor, by which the surface in the middle does not move.
+X, Y, ROLL, RANGE = range(4)
+DIFFERENCE = np.array([0.5, 0.5, 0.01, 1e-4])
+
+
+@dataclass(frozen=True)
+class Anchor:
+    """A surface point, body-fixed km (3,), that stays at its pixel when the range changes."""
+
+    point_km: Array
+
+    @classmethod
+    def at(cls, pose: Pose, camera: Camera, target: Target, xy_px: Array) -> "Anchor":
+        """The one that `pose` has at the first of the pixels (n, 2) that see the body."""
+        points = body_points(pose, camera, target, xy_px)
+        return cls(points[np.isfinite(points[:, 0])][0])
+
+
+def moved(pose: Pose, camera: Camera, anchor: Anchor, step: Array) -> Pose:
+    """The pose after a step (4,): see X, Y, ROLL, RANGE."""
+    before = pixels_of_points(pose, camera, anchor.point_km)
+    farther = pose.with_range_factor(float(np.exp(step[RANGE])))
+    after = pixels_of_points(farther, camera, anchor.point_km)
+    middle = np.asarray(camera.centre_px)
+    turn = smallest_turn(camera.ray(after), camera.ray(before))
+    turn = smallest_turn(camera.ray(middle), camera.ray(middle + step[[X, Y]])) @ turn
+    turn = rotation_from_vector_deg([0.0, 0.0, step[ROLL]]) @ turn
+    return farther.replaced(camera_from_j2000=turn @ pose.camera_from_j2000)
+
+
+def responses(pose: Pose, camera: Camera, target: Target, anchor: Anchor, xy_px: Array) -> Array:
+    """By how much what the pixels xy_px (n, 2) show moves, px per unit of a step: (n, 2, 4); NaN off the body."""
+    points = body_points(pose, camera, target, xy_px)
+    columns = []
+    for unknown, difference in enumerate(DIFFERENCE):
+        step = np.zeros(4)
+        step[unknown] = difference
+        there = pixels_of_points(moved(pose, camera, anchor, step), camera, points)
+        back = pixels_of_points(moved(pose, camera, anchor, -step), camera, points)
+        columns.append((there - back) / (2 * difference))
+    return np.stack(columns, axis=-1)
