@@ -7,6 +7,7 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
+const PAUSE_MS = 200;
 const of = (id) => document.getElementById(id);
 const state = { about: null, product: null, place: null, page: null, row: null, next: null };
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
@@ -95,6 +96,7 @@ function fillPlanes(page) {
 // Once a picture is there: the next image, then what hovering needs.
 async function afterFirstPicture(page) {
   if (!isStatic) await fetchNext(page);
+  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
   if (state.page === page) await hover.prepare(page);
 }
 
