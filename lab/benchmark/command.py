@@ -1,9 +1,10 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput|stars"""
+"""planetpose benchmark NAME: measure on this machine."""
 
 from typing import Annotated
 
 import typer
 
+from lab.closeup.command import closeup
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
@@ -22,6 +23,7 @@ def register(app: typer.Typer) -> None:
     group.command()(fuzz)
     group.command()(batches)
     group.command()(honesty)
+    group.command()(closeup)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)
