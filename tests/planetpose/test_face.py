@@ -56,6 +56,7 @@ PROMISED = [
     "pixel_of",
     "place_of",
     "read_pose_file",
+    "stars",
     "write_pose_file",
 ]
 PROMISED_OF_CORRECT = (
