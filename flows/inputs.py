@@ -203,6 +203,7 @@ def of_validate(request: Request, known: Known, last: CorrectionResult | None) -
         predicted=known.predicted,
         orientation=last.evidence.get("orientation") if last else None,
         attitude_prior_deg=known.attitude_prior_deg,
+        patches=last.evidence.get("patches") if last else None,
         settings=request.profile.validate_,
     )
 

@@ -46,4 +46,5 @@ def known_at_start(
         priors.attitude_deg,
         search_frame=predicted.source != IN_IMAGE,
         own_priors=predicted.priors if stars is None else stars.priors(priors),
+        priors=priors if stars is None else stars.priors(priors),
     )

@@ -65,6 +65,7 @@ EMPTY: dict[str, Any] = {
     "limb_robust_px": None,
     "limb_disagreeing": None,
     "similarity": {"before": None, "after": None},
+    "patches": None,
     "pose": None,
     "cube": None,
     "overlay": None,

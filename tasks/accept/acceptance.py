@@ -6,12 +6,15 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
+from tasks.fields import Json
 from tasks.validate.limb import LimbFigures
-from tasks.validate.step import OrientationReport
+from tasks.validate.step import OrientationReport, ValidateResult
 from tasks.validate.sun import SunReport
 
 BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
+# A close-up's limb may lie so many sigmas of the base map's place off.
+LIMB_SIGMAS = 2.0
 # A limb cannot show a narrower PSF than this.
 LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
@@ -19,17 +22,33 @@ BEHIND_REMEDY = (
 )
 
 
-def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
-    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
+def check_report(accept: AcceptSettings, report: ValidateResult) -> None:
+    """Raise FailedError when the image does not bear the corrected pose out, see `check_limb`."""
+    if report.patches is None:
+        check_limb(accept, report.limb)
+    else:
+        check_limb(allowing(accept, report.patches), report.limb, by_patches=True)
+
+
+def allowing(accept: AcceptSettings, patches: Json) -> AcceptSettings:
+    """The same for a close-up: where its limb is, is not better known than its map."""
+    known_px = LIMB_SIGMAS * float(patches["sigma_map_px"]) * float(patches["map_pixel_px"])
+    limits = {name: getattr(accept, name) for name in ("max_limb_rms_px", "sure_limb_rms_px")}
+    return accept.model_copy(update={name: limit and max(limit, known_px) for name, limit in limits.items()})
+
+
+def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:
+    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out. by_patches: patches
+    of the base map confirm it, so that no limb is needed, and the whole disk's brightness says nothing."""
     points, likeness = limb.points, limb.likeness
-    if likeness < accept.min_likeness:
+    if likeness < accept.min_likeness and not by_patches:
         raise FailedError(
             Reason.IMAGE_UNLIKE_SIMULATION,
             f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if limb.robust_px is None and accept.require_limb:
+    if limb.robust_px is None and accept.require_limb and not by_patches:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"

@@ -184,7 +184,13 @@ def stated_of(report: ValidateResult, correction: Json, camera: Camera, pose: Po
         "limb_robust_px": limb.robust_px,
         "limb_disagreeing": limb.disagreeing,
         "similarity": report.similarity.model_dump(mode="json"),
+        "patches": stated_patches(report.patches),
     }
+
+
+def stated_patches(patches: Json | None) -> Json | None:
+    """What confirms a close-up, without the single patches, which the provenance has; None of other images."""
+    return patches and {key: value for key, value in patches.items() if not isinstance(value, list)}
 
 
 def provenance(inputs: PublishInputs, found: Found) -> Json:

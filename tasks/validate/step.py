@@ -23,8 +23,8 @@ from tasks.step import StepType
 from tasks.stored import load_observation, save_arrays
 from tasks.validate import ValidateSettings, validate_limb
 from tasks.validate.blocks import blocks_of
-from tasks.validate.dark_limb import dark_limb, doubt_of_dark_limb
-from tasks.validate.limb import LimbFigures, margin_px
+from tasks.validate.dark_limb import NOT_SEEN, dark_limb, doubt_of_dark_limb
+from tasks.validate.limb import LimbFigures, LimbReport, margin_px
 from tasks.validate.sun import SunReport, sun_in_image
 from tasks.work import Work
 
@@ -37,13 +37,15 @@ MOST_OF_DISK = 0.75
 
 class ValidateInputs(Content):
     """What the result depends on. orientation: what the last correction found of the markings, None where it did not
-    look. attitude_prior_deg: 1-sigma of the predicted orientation, None if unknown."""
+    look. attitude_prior_deg: 1-sigma of the predicted orientation, None if unknown. patches: what confirms a close-up,
+    in place of a whole limb; None of other images."""
 
     scene: SceneInputs
     pose: PoseField
     predicted: PoseField
     orientation: PlainJson | None
     attitude_prior_deg: float | None
+    patches: PlainJson | None = None
     settings: ValidateSettings
 
 
@@ -77,6 +79,7 @@ class ValidateResult(Content):
     symmetry: PlainJson | None
     bodies: tuple[MeasuredBody, ...] = ()
     doubt: str | None
+    patches: PlainJson | None = None
 
 
 def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult:
@@ -88,6 +91,8 @@ def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult
     report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
     before = similarity_before(observation, inputs.predicted, scene, inputs.settings)
+    if inputs.patches is not None:
+        return of_close_up(report, before, observation, inputs)
     outside = dark_limb(observation, pose, scene)
     oriented = orientation_of(observation, pose, scene, inputs)
     doubts = [*oriented.doubts, doubt_of_dark_limb(outside)]
@@ -114,6 +119,26 @@ def left_share(observation: Observation, pose: Pose, scene: Scene) -> float:
     disk = disk_of(own, scene.camera)
     left = (observation.quality[disk] & np.uint16(Quality.OTHER_BODY)) == 0
     return float(left.mean()) if left.size else 0.0
+
+
+def of_close_up(
+    report: LimbReport, before: float | None, observation: Observation, inputs: ValidateInputs
+) -> ValidateResult:
+    """Of a frame that shows too little of the disk for its shading, its dark limb or a flip of it to tell anything."""
+    found = inputs.orientation or {"verdict": "undetermined"}
+    return ValidateResult(
+        limb=report.figures(),
+        similarity=Similarity(before=before, after=plain(report.similarity)),
+        sun=SunReport(),
+        blocks=blocks_of(observation),
+        dark_limb=NOT_SEEN.to_dict(),
+        orientation=OrientationReport(
+            verdict=found["verdict"], sigmas=found.get("sigmas"), kept=found.get("kept"), evidence=plain(found)
+        ),
+        symmetry=None,
+        doubt=None,
+        patches=inputs.patches,
+    )
 
 
 class Oriented(NamedTuple):
