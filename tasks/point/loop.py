@@ -167,14 +167,22 @@ def searched(observation: Observation, pose: Pose, scene: Scene, min_overlap: fl
     else in front of the sky or, where the frame holds a large bright body, in front of that, whichever is more like
     the image."""
     by_all = find_with_others(observation, pose, scene, min_overlap)
-    if by_all is not None and not is_before_another(by_all.pose, scene):
+    if by_all is not None and not any(is_before_another(each, scene) for each in (by_all.pose, pose)):
         return by_all
     found = find_target(observation, pose, scene, min_overlap)
     in_front = find_in_front(observation, pose, scene, min_overlap)
     finds = [each for each in (found, in_front, by_all) if each is not None]
     if len(finds) == 1:
         return found
-    return max(finds, key=lambda find: likeness_at(alone(observation, find.pose, scene), find.pose, scene))
+    return max(finds, key=lambda find: likeness_beside_others(observation, find.pose, scene))
+
+
+def likeness_beside_others(observation: Observation, pose: Pose, scene: Scene) -> float:
+    """`likeness_at` with other bodies left out; -1 where nothing of the target is left then."""
+    try:
+        return likeness_at(alone(observation, pose, scene), pose, scene)
+    except FailedError:
+        return -1.0
 
 
 def has_others(pose: Pose, scene: Scene) -> bool:
