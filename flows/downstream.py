@@ -17,8 +17,8 @@ from flows.options import (
     MosaicOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
@@ -83,6 +83,12 @@ def adjust(options: AdjustOptions) -> State[None]:
 def stars(options: StarsOptions) -> State[None]:
     """Identify the stars of images."""
     return state_of(commands.stars, options)
+
+
+@flow_of(AstrometryOptions)
+def astrometry(options: AstrometryOptions) -> State[None]:
+    """Write where bodies are seen among the stars."""
+    return state_of(commands.astrometry, options)
 
 
 @flow_of(CheckOptions)

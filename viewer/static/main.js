@@ -7,6 +7,7 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
+const PAUSE_MS = 200;
 const of = (id) => document.getElementById(id);
 const state = { about: null, product: null, place: null, page: null, row: null, next: null };
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
@@ -95,6 +96,7 @@ function fillPlanes(page) {
 // Once a picture is there: the next image, then what hovering needs.
 async function afterFirstPicture(page) {
   if (!isStatic) await fetchNext(page);
+  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
   if (state.page === page) await hover.prepare(page);
 }
 
@@ -214,6 +216,11 @@ of("find").addEventListener("change", guarded(async () => {
 for (const action of ["accept", "reject", "note"]) of(action).addEventListener("click", guarded(() => decide(action)));
 of("undo").addEventListener("click", guarded(undo));
 async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
+
+window.addEventListener("hashchange", guarded(async () => {
+  const product = decodeURIComponent(location.hash.slice(1));
+  if (product && product !== state.product) await choose(product);
+}));
 
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
