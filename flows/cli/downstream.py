@@ -1,4 +1,5 @@
-"""planetpose adjust, check, export, fetch, kernels, mosaic, photometry, report: the commands on lists and stores"""
+"""planetpose adjust, check, control, export, fetch, kernels, mosaic, photometry, report: the commands on lists and
+stores."""
 
 import sys
 from functools import partial
@@ -10,6 +11,7 @@ from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, 
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
@@ -30,6 +32,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     models: dict[str, type[Options]] = {
         "adjust": AdjustOptions,
+        "control": ControlOptions,
         "export": ExportOptions,
         "mosaic": MosaicOptions,
         "photometry": PhotometryOptions,

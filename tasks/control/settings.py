@@ -37,4 +37,6 @@ class ControlSettings:
         if self.law not in LAWS:
             raise WrongOptionError("law", f"there is no {self.law}.", f"Known are {', '.join(LAWS)}.")
         if self.patch_px % 2 == 0 or self.patch_px < 7:
-            raise WrongOptionError("patch-px", f"patches of {self.patch_px} pixels have no middle.", "Give 7, 9, 11 ...")
+            raise WrongOptionError(
+                "patch-px", f"patches of {self.patch_px} pixels have no middle.", "Give 7, 9, 11 ..."
+            )
