@@ -37,7 +37,7 @@ class ReducedSystem:
         of_points = np.zeros((self.points, self.d, self.d))
         np.add.at(of_points, point, np.einsum("nki,nkj->nij", by_point, by_point))
         of_points += np.diag(point_information + LEAST_POINT_INFORMATION)
-        self.point_inverse = np.linalg.inv(of_points)
+        self.point_inverse: Array = np.asarray(np.linalg.inv(of_points), np.float64)
         self.right = -np.einsum("kij,kj->ki", information, moves)
         np.add.at(self.right, image, np.einsum("nki,nk->ni", by_pose, residual))
         self.point_right = -point_information * heights
