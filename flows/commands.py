@@ -2,9 +2,10 @@
 line prints the rows, the Prefect flows of the same names log them."""
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
@@ -14,10 +15,11 @@ from flows.options import (
     ExportOptions,
     FetchOptions,
     KernelsOptions,
+    MosaicOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from catalog.fetch import Item
@@ -42,6 +44,18 @@ def refuse_unknown(option: str, given: tuple[str, ...], known: tuple[str, ...]) 
     """Raises WrongOptionError for names that are not known."""
     if unknown := [name for name in given if name not in known]:
         raise WrongOptionError(option, f"there is no {', '.join(unknown)}.", f"Known are {', '.join(known)}.")
+
+
+def dask_client(address: str | None) -> AbstractContextManager[Any]:
+    """A client of the scheduler at this address, None of none. Raises WrongOptionError where distributed is missing."""
+    if address is None:
+        return nullcontext()
+    try:
+        from distributed import Client
+    except ImportError as error:
+        remedy = "Install planetpose[dask]."
+        raise WrongOptionError("scheduler", f"a cluster needs the package distributed ({error}).", remedy) from error
+    return cast(AbstractContextManager[Any], Client(address))
 
 
 def fetch(options: FetchOptions, show: Show) -> None:
@@ -191,6 +205,30 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
 
+def mosaic(options: MosaicOptions, show: Show) -> None:
+    """A row with the law and levels, then the files; asides for products that were left out. Raises WrongOptionError
+    for an unknown law, parameter, weight, band, format or resolution."""
+    from tasks.mosaic.build import build_mosaic
+    from tasks.mosaic.outputs import mosaic_summary, mosaic_text, write_forms
+    from tasks.mosaic.settings import FORMATS, MosaicSettings
+    from tasks.photometry.laws import LAWS
+    from tasks.photometry.regions import held_values, prior_values
+
+    refuse_unknown("law", (options.law,), tuple(LAWS))
+    refuse_unknown("format", options.format, FORMATS)
+    known = options.model_dump(include=set(MosaicSettings.__dataclass_fields__))
+    calibration = options.calibration_percent and options.calibration_percent / 100
+    held, priors = held_values(options.hold), prior_values(options.prior)
+    settings = MosaicSettings(**known, calibration_sigma=calibration, held=held, priors=priors)
+    with dask_client(options.scheduler):
+        made = build_mosaic(options.store, options.out, settings, lambda text: show(Row(text, minor=True, aside=True)))
+    show(Row(mosaic_text(made), mosaic_summary(made)))
+    for path in write_forms(made, options.format):
+        show(Row(str(path)))
+    for product, reason in made.left_out:
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
 def adjust(options: AdjustOptions, show: Show) -> None:
     """One row, the report."""
     from tasks.adjust import AdjustSettings
@@ -212,6 +250,22 @@ def stars(options: StarsOptions, show: Show) -> None:
 
     for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
         show(Row(as_text(content), content, good))
+
+
+def astrometry(options: AstrometryOptions, show: Show) -> None:
+    """A row per observation, then the files; asides for products that were left out."""
+    from catalog.settings import default_kernels
+    from tasks.astrometry.store import write_astrometry
+
+    given = options.chosen_kernels
+    kernels = default_kernels() if given is None else given
+    rows, left_out, paths = write_astrometry(options.store, options.out, kernels, options.station)
+    for row in rows:
+        text = "{image}: {body} RA {ra_deg:.6f} Dec {dec_deg:.6f} deg, O-C ({oc_ra_arcsec:+.2f}, {oc_dec_arcsec:+.2f})"
+        show(Row(text.format(**row) + f" arcsec, {row['stars']} stars", row))
+    show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in left_out.items():
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
 
 def check(options: CheckOptions, show: Show) -> None:

@@ -14,10 +14,11 @@ from flows.options import (
     ExportOptions,
     FetchOptions,
     KernelsOptions,
+    MosaicOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
@@ -66,6 +67,12 @@ def photometry(options: PhotometryOptions) -> State[None]:
     return state_of(commands.photometry, options)
 
 
+@flow_of(MosaicOptions)
+def mosaic(options: MosaicOptions) -> State[None]:
+    """Combine the images of a store to a map of normalised reflectance."""
+    return state_of(commands.mosaic, options)
+
+
 @flow_of(AdjustOptions)
 def adjust(options: AdjustOptions) -> State[None]:
     """Solve for what the images of a store share."""
@@ -76,6 +83,12 @@ def adjust(options: AdjustOptions) -> State[None]:
 def stars(options: StarsOptions) -> State[None]:
     """Identify the stars of images."""
     return state_of(commands.stars, options)
+
+
+@flow_of(AstrometryOptions)
+def astrometry(options: AstrometryOptions) -> State[None]:
+    """Write where bodies are seen among the stars."""
+    return state_of(commands.astrometry, options)
 
 
 @flow_of(CheckOptions)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from catalog.settings import DEFAULT_PROFILE, cache_folder
-from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, known_flip, opt
+from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 
@@ -242,6 +242,41 @@ class PhotometryOptions(Options):
     out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
 
 
+class MosaicOptions(Options):
+    """Combine the images of a store to a map of normalised reflectance with its errors."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("map.zarr"), description="Zarr group that the map is written as.")
+    law: str = opt("hapke", description="Photometric law, as of `planetpose photometry`.")
+    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
+        (), description="A parameter of the law that is not solved; repeat for more."
+    )
+    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
+        (), description="What is known of a parameter; repeat for more."
+    )
+    projection: str = opt("equirectangular", description="equirectangular, orthographic or polar-stereographic.")
+    resolution: str = opt("4ppd", description="Pixels per degree (4ppd) or size of a pixel (10km, 500m).")
+    central_longitude_deg: float | None = opt(description="Middle of an equirectangular map; default 180.")
+    bands: str = opt("none", description="Maps kept apart by: none, filter or camera.")
+    max_incidence_deg: Annotated[float, Cli(("--max-incidence-deg", "--max-incidence"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
+    max_emission_deg: Annotated[float, Cli(("--max-emission-deg", "--max-emission"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
+    weights: str = opt("sigma-resolution", description="sigma-resolution, sigma, resolution or equal.")
+    calibration_percent: float | None = opt(
+        ge=0.01, description="1-sigma of the images' calibration against each other; default: unknown."
+    )
+    units_per_if: float | None = opt(ge=1e-12, description="Image units per I/F; default: the map is in image units.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+    format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
+        (), description="Beside the Zarr group: cog, stac; repeat for more."
+    )
+    memory_mb: float = opt(256.0, ge=8, description="For the images' values in one block of the map.")
+    scheduler: Text = opt(description="Address of a Dask scheduler; default: threads of this process.")
+
+
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 
@@ -250,32 +285,6 @@ class AdjustOptions(Options):
     )
     out: File = opt(description="Folder for adjust.json and a pose file per image.")
     gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
-
-
-class StarsOptions(KernelOptions):
-    """Identify the stars of images: the camera's orientation without any target."""
-
-    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
-    catalog: str = opt("gaia", description="gaia, hipparcos, or a FITS, VOTable, CSV or Parquet file.")
-    columns: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="NAME=COLUMN,...", text=True)] = opt(
-        (), description="Columns of the file: ra_deg, dec_deg, magnitude, pm_ra_mas, pm_dec_mas, parallax_mas, ident."
-    )
-    epoch: float | None = opt(ge=1800, le=2200, description="Julian year of the file's directions; default 2000.")
-    near: Annotated[Text, Cli(metavar="TARGET|RA,DEC")] = opt(
-        description="The camera looks near this body or direction (degrees), and nowhere else."
-    )
-    cone_deg: float = opt(10.0, gt=0, le=180, description="How near the boresight is to it, degrees.")
-    camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
-    pose_file: Annotated[File, Cli(("--pose",))] = opt(
-        description="Pose file (JSON) whose camera_from_j2000 is the predicted orientation."
-    )
-    mask: File = opt(description="Picture of the raw image's size; not 0: do not use the pixel.")
-    flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
-        description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
-    )
-    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
-    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
-    out: File = opt(description="Folder for a JSON file and a picture per image.")
 
 
 class CheckOptions(Options):

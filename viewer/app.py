@@ -3,6 +3,8 @@
 import base64
 import binascii
 import io
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from tasks.position.spelling import read_place
 from tasks.profile import find_profile
 from tasks.publish.cube_model import model_of
 from tasks.publish.names import OVERLAY
+from tasks.report.page import FILTER
 from viewer.planes import Planes
 from viewer.product import product_page
 from viewer.redo import Job, Jobs
@@ -32,6 +35,7 @@ from viewer.table import Table, columns_of
 STATIC = Path(__file__).parent / "static"
 PAGE = STATIC / "index.html"
 TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
+THREADS = 4
 FAULT = "x-planetpose-fault"
 MOST_MASK_PIXELS = 100_000_000
 
@@ -73,7 +77,7 @@ def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI
     """The application. other: a second store that the first is compared with. Raises RefusedError when a store is
     missing."""
     sides = [Side(store)] + ([Side(other)] if other else [])
-    app = FastAPI(title="planetpose view", docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(title="planetpose view", docs_url=None, redoc_url=None, openapi_url=None, lifespan=few_threads)
     add_page(app, access, sides)
     add_table(app, sides)
     add_products(app, sides)
@@ -84,6 +88,15 @@ def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI
     return app
 
 
+@asynccontextmanager
+async def few_threads(_: FastAPI) -> AsyncIterator[None]:
+    """Answer few requests at a time: each works for itself alone, and every thread keeps memory of its own."""
+    import anyio.to_thread
+
+    anyio.to_thread.current_default_thread_limiter().total_tokens = THREADS
+    yield
+
+
 def refused(_: Request, error: Exception) -> Response:
     """What is wrong, for the page to show. It is an answer: of a failure, browsers would write into their console."""
     return JSONResponse({"fault": str(error)}, headers={FAULT: "1"})
@@ -91,7 +104,7 @@ def refused(_: Request, error: Exception) -> Response:
 
 def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
     """The page itself and its files."""
-    files = {path.name: path for path in STATIC.iterdir() if path.suffix in TYPES}
+    files = {path.name: path for path in page_files()}
 
     @app.get("/", response_class=HTMLResponse)
     def page() -> HTMLResponse:
@@ -115,6 +128,11 @@ def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
             "read_only": access.read_only,
             "who": user_name(),
         }
+
+
+def page_files() -> list[Path]:
+    """What the page loads: its own files, and the filters that it shares with the pages of `planetpose report`."""
+    return [*sorted(path for path in STATIC.iterdir() if path.suffix in TYPES), FILTER]
 
 
 def add_table(app: FastAPI, sides: list[Side]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 from tasks.atomic import folder_put_in_place
 from tasks.boundary import reason_of, trouble_of
-from viewer.app import PAGE, STATIC, Side, thumbnail
+from viewer.app import PAGE, Side, page_files, thumbnail
 from viewer.filters import filtered
 from viewer.planes import TILE_PX, Planes
 from viewer.product import product_page
@@ -35,7 +35,9 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
     columns = list(columns_of(table))
     rows = [[plain_value(value) for value in row] for row in table.itertuples(index=False)]
     with folder_put_in_place(folder) as temporary:
-        shutil.copytree(STATIC, temporary / "static", ignore=shutil.ignore_patterns("index.html"))
+        (temporary / "static").mkdir()
+        for path in page_files():
+            shutil.copyfile(path, temporary / "static" / path.name)
         page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA)
         (temporary / "index.html").write_text(page, encoding="utf-8")
         products = temporary / DATA / "products"

@@ -3,7 +3,7 @@
 A comparison is a column, one of `> >= < <= = != ~ !~` and a number or text (`~`: contains); a bare word is looked for
 in all texts. Comparisons are joined by `and` (or nothing), `or`, `not` and parentheses. What is unknown fits no
 comparison.
-`viewer/static/filter.js` has the same grammar, for pages without a server.
+`tasks/report/filter.js` has the same grammar, for pages without a server.
 """
 
 import re

@@ -82,7 +82,7 @@ def _line(model: CubeModel, curve: Curve) -> list[list[float] | None]:
 
 def _points(model: CubeModel, xy: Any) -> list[list[float] | None]:
     places = model.pixels_of(np.asarray(xy, dtype=np.float64))
-    known = np.atleast_1d(np.isfinite(places).all(axis=-1))
+    known = np.asarray(np.isfinite(places).all(axis=-1))
     rounded = np.round(np.where(known[:, None], places, 0.0), DIGITS).tolist()
     return [place if there else None for place, there in zip(rounded, known, strict=True)]
 

@@ -1,4 +1,4 @@
-"""planetpose adjust, check, export, fetch, kernels, photometry, report, stars: the commands on lists and stores"""
+"""planetpose adjust, astrometry, check, export, fetch, kernels, mosaic, photometry, report, stars: on lists, stores"""
 
 import sys
 from functools import partial
@@ -13,11 +13,12 @@ from flows.options import (
     ExportOptions,
     FetchOptions,
     KernelsOptions,
+    MosaicOptions,
     Options,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from flows.commands import Row
@@ -28,13 +29,20 @@ OnlyFaults = Annotated[bool, typer.Option("--quiet", "-q", help="Only products w
 
 def register(app: typer.Typer) -> None:
     """Add the commands."""
-    for name, model in (("adjust", AdjustOptions), ("export", ExportOptions), ("photometry", PhotometryOptions)):
+    models: dict[str, type[Options]] = {
+        "adjust": AdjustOptions,
+        "export": ExportOptions,
+        "mosaic": MosaicOptions,
+        "photometry": PhotometryOptions,
+    }
+    for name, model in models.items():
         add_command(app, model, partial(answer_with_json, name), name)
     add_command(app, CheckOptions, check)
     add_command(app, FetchOptions, fetch)
     add_command(app, KernelsOptions, kernels)
     add_command(app, ReportOptions, report)
     add_command(app, StarsOptions, stars)
+    add_command(app, AstrometryOptions, astrometry)
 
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
@@ -57,6 +65,12 @@ def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) ->
         items, archive = items_of(options)
     for item in items:
         print(f"{item.source} -> {archive / item.path}")
+
+
+def astrometry(options: AstrometryOptions, json: Json = False) -> None:
+    """See `flows.commands.astrometry`."""
+    refuse_useless_kernels(options.kernels)
+    answer("astrometry", options, json)
 
 
 def kernels(options: KernelsOptions, json: Json = False) -> None:

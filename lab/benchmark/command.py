@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from lab.closeup.command import closeup
+from lab.bodies.command import bodies
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
@@ -24,6 +25,7 @@ def register(app: typer.Typer) -> None:
     group.command()(batches)
     group.command()(honesty)
     group.command()(closeup)
+    group.command()(bodies)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)
@@ -73,15 +75,21 @@ def mesh(
 def steps(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     profile: Annotated[str, typer.Option(help="Methods and settings of the steps: a name, or FILE.toml.")] = "paper",
+    image: Annotated[
+        str, typer.Option(help="disk-224 or disk-900 (px in 1024x1024), galileo or io (real, of PLANETPOSE_DATA).")
+    ] = "disk-224",
+    repeat: Annotated[int, typer.Option(min=1, max=100, help="Median of REPEAT runs after the first.")] = 1,
 ) -> None:
-    """Time every step of a profile for a 224-px disk in a 1024x1024 frame on one core, and the flow of such frames."""
+    """Time every step of a profile for one image on one core against its bar, and the flow of 1024x1024 frames."""
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, write_json
-    from lab.benchmark.steps import benchmark_steps
+    from lab.benchmark.steps import IMAGES, benchmark_steps
 
     usable_profile(profile, None)
+    if image not in IMAGES:
+        raise typer.BadParameter(f"{image!r} is none of {', '.join(IMAGES)}.")
     with clean_stdout() as answer:
-        figures = benchmark_steps(profile)
+        figures = benchmark_steps(profile, image, repeat)
         if json:
             write_json(answer, figures)
         else:

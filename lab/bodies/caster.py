@@ -100,15 +100,18 @@ def covered_sun(points_km: Array, globe: Globe, globes: Sequence[Globe], sun_km:
     rings = [other for other in globes if other.rings]
     if not casters and not rings:
         return covered
+    through = 1 - lost(points, sun_km, (), rings)  # the Sun's disk is narrow at the rings
+    if not casters:
+        return np.asarray(1 - through)
     disk = sun_disk(sun_km, globe.solid.centre_km, sun_points)
     few = np.concatenate([disk[:1], disk[-RIM_POINTS:]])
     # Where the Sun's rim and middle are all covered, or none of them, so is what lies between.
-    covers = np.stack([lost(points, place, casters, rings) for place in few])
+    covers = np.stack([lost(points, place, casters, ()) for place in few])
     covered = covers.mean(axis=0)
     partly = np.ptp(covers, axis=0) > 1e-3
     if partly.any():
-        covered[partly] = np.mean([lost(points[partly], place, casters, rings) for place in disk], axis=0)
-    return covered
+        covered[partly] = np.mean([lost(points[partly], place, casters, ()) for place in disk], axis=0)
+    return np.asarray(1 - through * (1 - covered))
 
 
 def lost(points: Array, place: Array, casters: Sequence[Globe], rings: Sequence[Globe]) -> Array:

@@ -33,9 +33,9 @@ LAWS: tuple[tuple[str, dict[str, float]], ...] = (
 )
 OFFSET_PX, RANGE_SIGMA, ATTITUDE_DEG, EPHEMERIS_KM = 8.0, 0.001, 0.3, 5.0
 ATTEMPTS, SAMPLES = 60, 60
-LEAST_LIT = 0.35
+LEAST_LIT, RIM = 0.35, 0.9
 # Where something hides or shadows the target it does so.
-MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0}
+MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0, "moon-shadow": 0.9999}
 MOONS = ("io", "europa", "ganymede")
 
 
@@ -134,7 +134,8 @@ def scene_of(kind: str, number: int) -> Scene:
 
 
 def lit_share(scene: Scene) -> float:
-    """How much of what the target would show of its day side alone is seen and in full sunlight."""
+    """How much of what the target would show of its day side alone is seen and in full sunlight: of the whole, or of
+    the limb, whichever is less."""
     radius_px = scene.lens.focal_px * find_target(scene.target).mean_radius_km / float(np.linalg.norm(scene.target_km))
     steps = np.linspace(-radius_px, radius_px, SAMPLES)
     x, y = (grid.ravel() for grid in np.meshgrid(steps + scene.centre_px[0], steps + scene.centre_px[1]))
@@ -144,7 +145,8 @@ def lit_share(scene: Scene) -> float:
     alone, seen = cast(rays, globes[:1], sun, 7), cast(rays, globes, sun, 7)
     day = alone.radiance > 0
     lit = day & (seen.body_id == globes[0].naif_id) & (seen.shadow < 0.5) & (seen.radiance > 0.9 * alone.radiance)
-    return float(lit.sum() / max(day.sum(), 1))
+    rim = np.hypot(*(grid.ravel() for grid in np.meshgrid(steps, steps))) > RIM * radius_px
+    return float(min(lit.sum() / max(day.sum(), 1), (lit & rim).sum() / max((day & rim).sum(), 1)))
 
 
 def drawn(kind: str, number: int, attempt: int) -> Scene:
@@ -290,19 +292,14 @@ def eclipsed(frame: Frame, _: str) -> Placed:
 
 
 def ring(frame: Frame, _: str) -> Placed:
-    """Saturn's rings, seen at a low angle, before a part of the target."""
-    turn = orientation_of("saturn")
-    pole, sight = turn[2], frame.target_km / np.linalg.norm(frame.target_km)
+    """The ansa of Saturn's rings before a part of the target, which is on the far side of its orbit."""
+    pole, sight = orientation_of("saturn")[2], frame.target_km / np.linalg.norm(frame.target_km)
     outer = max(each.outer_km for each in find_target("saturn").rings)
-    # The outer edge of the A ring on the near side of Saturn passes before the target's centre, or beside it.
-    near = -sight + (sight @ pole) * pole
-    near /= np.linalg.norm(near)
-    edge = outer * near
-    gap = frame.radius_km * float(frame.random.uniform(0.2, 0.7))
-    up = pole - (pole @ sight) * sight
-    up *= np.sign(pole @ -sight) / np.linalg.norm(up)
-    before = -float(frame.random.uniform(2e4, 6e4)) * sight
-    return [("saturn", before - edge + gap * up)]
+    ansa = np.cross(sight, pole)
+    ansa *= frame.random.choice([-1, 1]) / np.linalg.norm(ansa)
+    gap = frame.radius_km * float(frame.random.uniform(-0.2, 0.7))
+    behind = float(frame.random.uniform(1.2e5, 3e5))
+    return [("saturn", -((outer + gap) * ansa + behind * sight))]
 
 
 PLACES = {

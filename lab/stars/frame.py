@@ -55,9 +55,7 @@ def frame_of(
     y, x = np.mgrid[0:ny, 0:nx]
     slope = random.normal(0, 3.0, 2)
     picture = SKY + slope[0] * x / nx + slope[1] * y / ny
-    for place, height in zip(places, heights, strict=True):
-        if np.isfinite(place).all() and -5 < place[0] < nx + 5 and -5 < place[1] < ny + 5:
-            _add_star(picture, place, height, psf_px)
+    picture = picture + star_picture((ny, nx), places, heights, psf_px)
     if faults.disk:
         picture = np.where(*_disk(x, y, faults.disk, psf_px, random), picture)
     picture = picture + random.normal(0, 1, picture.shape) * np.sqrt(READ_NOISE**2 + np.maximum(picture - SKY, 0) / 50)
@@ -65,6 +63,16 @@ def frame_of(
     quality = np.where(picture > SATURATED, int(Quality.SATURATED), 0).astype(np.uint16)
     noise = np.full(picture.shape, READ_NOISE, np.float32)
     return Observation(picture.astype(np.float32), noise, quality)
+
+
+def star_picture(shape: tuple[int, int], places: Array, heights: Array, psf_px: float) -> Array:
+    """Light (ny, nx) of stars at pixels (n, 2), of heights (n,), integrated over the pixels."""
+    ny, nx = shape
+    picture = np.zeros(shape)
+    for place, height in zip(places, heights, strict=True):
+        if np.isfinite(place).all() and -5 < place[0] < nx + 5 and -5 < place[1] < ny + 5:
+            _add_star(picture, place, height, psf_px)
+    return picture
 
 
 def _add_star(picture: Array, place: Array, height: float, psf_px: float) -> None:

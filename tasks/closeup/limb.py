@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 EDGES = LimbSettings()
 # Edges farther from the others than so many of their robust sigmas are another's.
 OUTLIER_SIGMAS = 3.0
-# What distortion and photometry do, beside relief, to an arc as a whole, px of the frame, 1-sigma (unmodelled distortion of
-# cameras alone is 0.1 to 0.3 px): a short arc must not be taken for better evidence of the centre than it is.
+# What distortion and photometry do, beside relief, to an arc as a whole, px of the frame, 1-sigma (unmodelled
+# distortion of cameras alone is 0.1 to 0.3 px): a short arc must not be taken for better evidence than it is.
 SHAPE_PX = 0.2
 MARGIN_PX = EDGES.half_px + 8.0
 

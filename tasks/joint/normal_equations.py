@@ -13,8 +13,6 @@ from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
-# Pixels whose columns, some 26 in double precision, the fastest cache holds with room to spare.
-BLOCK = 128
 
 
 @dataclass(frozen=True)
@@ -145,7 +143,9 @@ def accumulated(
 ) -> tuple[Array, Array, Array, Array, Array]:
     """Normal matrix (n, n) and right side (n,) of the common unknowns, each tile's with them (tiles, LOCAL, n), and its
     own (tiles, LOCAL, LOCAL), (tiles, LOCAL). design: (n + LOCAL, pixels), in the tiles' order (see `Tiles`)."""
-    outside, tiles = _accumulate(design, n, target, weight, ends, BLOCK)
+    # So many pixels at a time that the fastest cache holds their columns.
+    block = np.zeros((len(design) + 4, 128))
+    outside, tiles = _accumulate(design, n, target, weight, ends, block)
     whole = outside + tiles.sum(axis=0)
     local = slice(n, -1)
     normal, inner = np.tril(whole[:n, :n]), np.tril(tiles[:, local, local])
@@ -155,12 +155,13 @@ def accumulated(
 
 
 @compiled_reordered
-def _accumulate(design, n, target, weight, ends, block):  # type: ignore[no-untyped-def]
+def _accumulate(design, n, target, weight, ends, rows):  # type: ignore[no-untyped-def]
     """Weighted products of all columns, the target as the last one, with each other, below the diagonal: of the pixels
-    outside all tiles, and of each tile's. Double precision, a block of pixels at a time that the cache holds."""
+    outside all tiles, and of each tile's. rows: (columns + 3, block), room for a block of pixels, zero."""
     width = len(design) + 1
     outside, tiles = np.zeros((width, width)), np.zeros((len(ends) - 1, width, width))
-    rows, weighted = np.zeros((width + 3, block)), np.empty(block)
+    block = rows.shape[1]
+    weighted = np.empty(block)
     begin = 0
     for t in range(len(ends)):
         products, end = outside if t == 0 else tiles[t - 1], ends[t]

@@ -43,11 +43,11 @@ def _pose_part(source: Source, image: Image, usable: NDArray[np.bool_]) -> Image
         pixel_km = cube["resolution_km"].values * np.cos(np.radians(cube["emission"].values))
         displacement = radius_km * np.hypot(north, east) * np.cos(np.radians(cube["emission"].values))
         moved_px = displacement / np.maximum(pixel_km, 1e-9) / np.sqrt(2)
-        steepness = _gradient(image, usable)
+        steepness = gradient(image, usable)
         return np.nan_to_num(moved_px * steepness).astype(np.float32)
 
 
-def _gradient(image: Image, usable: NDArray[np.bool_]) -> Image:
+def gradient(image: Image, usable: NDArray[np.bool_]) -> Image:
     """Size of the brightness gradient per pixel (ny, nx), of a lightly smoothed image; 0 beside unusable pixels."""
     import cv2
 

@@ -20,7 +20,7 @@ from tasks.point.coarse import CoarseFind, find_target
 from tasks.point.in_front import find_in_front
 from tasks.point.registration import RegistrationName, Shift, find_registration
 from tasks.point.rotation import pose_moved_by
-from tasks.point.with_others import find_with_others
+from tasks.point.with_others import find_with_others, is_before_another
 from tasks.rest import REST_PX, Rest, rest_of
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -167,14 +167,14 @@ def searched(observation: Observation, pose: Pose, scene: Scene, min_overlap: fl
     else in front of the sky or, where the frame holds a large bright body, in front of that, whichever is more like
     the image."""
     by_all = find_with_others(observation, pose, scene, min_overlap)
-    if by_all is not None:
+    if by_all is not None and not is_before_another(by_all.pose, scene):
         return by_all
     found = find_target(observation, pose, scene, min_overlap)
     in_front = find_in_front(observation, pose, scene, min_overlap)
-    if in_front is None:
+    finds = [each for each in (found, in_front, by_all) if each is not None]
+    if len(finds) == 1:
         return found
-    alike, alike_in_front = (likeness_at(observation, find.pose, scene) for find in (found, in_front))
-    return in_front if alike_in_front > alike else found
+    return max(finds, key=lambda find: likeness_at(alone(observation, find.pose, scene), find.pose, scene))
 
 
 def has_others(pose: Pose, scene: Scene) -> bool:

@@ -25,7 +25,7 @@ STORE/PRODUCT/record.json      the key under which the product was made (not in 
 
 ```python
 xarray.open_zarr("STORE/PRODUCT/cube.zarr")  # lazy; also "https://.../cube.zarr" on any static web server
-pandas.read_parquet("STORE/index.parquet")  # the index as it was when the last product was published
+pandas.read_parquet("STORE/index.parquet")  # the index as it was when the last command that publishes ended
 tasks.publish.index.open_index("STORE")  # the same, brought up to date first
 tasks.publish.index.open_store("STORE")  # all cubes as one lazy xarray.DataTree
 ```

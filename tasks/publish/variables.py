@@ -21,7 +21,7 @@ DIMENSIONS = ("y", "x")
 class Variable:
     """One plane of the cube. valid_range: inclusive, None where any finite value is sensible. standard_name: of CF,
     empty where CF has none. on_body: NaN exactly where the pixel does not see the body; may_be_unknown: or NaN
-    everywhere. dims: other than the cube's own for a plane with pixels of its own."""
+    everywhere. dims: other than the cube's own for a plane with pixels of its own. grid_mapping: of a map."""
 
     name: str
     dtype: str
@@ -33,7 +33,8 @@ class Variable:
     may_be_unknown: bool = False
     comment: str = ""
     ancillary: str = ""
-    dims: tuple[str, str] = DIMENSIONS
+    dims: tuple[str, ...] = DIMENSIONS
+    grid_mapping: str = ""
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -44,6 +45,7 @@ class Variable:
             "standard_name": self.standard_name,
             "comment": self.comment,
             "ancillary_variables": self.ancillary,
+            "grid_mapping": self.grid_mapping,
         }
         given = {key: text for key, text in texts.items() if text}
         return {"long_name": self.long_name, "units": self.units, **given, **limits}

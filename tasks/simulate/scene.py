@@ -13,11 +13,13 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
+from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
 
 class SceneSettings(BaseModel):
-    """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size.
+    """How simulations are made. psf_sigma_px: None takes the camera's. trail_px: (x, y) of a line along which the
+    exposure spreads every point (see `tasks.simulate.trail`). oversample: None chooses by the disk's size.
     behind_share: where the target's surroundings are brighter than the frame's darkest parts by more than this share of
     its span of brightness, a body is taken to be behind the target, which hides its light (a moon in front of its
     planet, see `tasks.compare.occulted`); None never."""
@@ -25,6 +27,7 @@ class SceneSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     photometry: BasisName = "lunar-lambert"
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
+    trail_px: tuple[float, float] = (0.0, 0.0)
     oversample: int | None = Field(None, ge=1, le=16)
     behind_share: float | None = Field(0.1, gt=0, lt=1)
     rays: Literal["closed-form", "mitsuba-limb", "mitsuba"] = "closed-form"
@@ -146,12 +149,16 @@ class Scene:
         surface = self.surface(pose, window, s)
         fine = self.shade(surface, pose.phase_deg)
         sigma = self.psf_sigma_px
+
+        def seen(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+            return smeared(detect(plane, s, sigma), self.settings.trail_px)
+
         return Simulation(
             window=window,
             oversample=s,
             psf_sigma_px=sigma,
-            bases=np.stack([detect(surface.albedo * basis, s, sigma) for basis in fine]),
-            shading=np.stack([detect(basis, s, sigma) for basis in fine]),
-            coverage=detect(surface.hit.astype(np.float32), s, sigma),
-            lit=detect((surface.mu0 > 0).astype(np.float32), s, sigma),
+            bases=np.stack([seen(surface.albedo * basis) for basis in fine]),
+            shading=np.stack([seen(basis) for basis in fine]),
+            coverage=seen(surface.hit.astype(np.float32)),
+            lit=seen((surface.mu0 > 0).astype(np.float32)),
         )

@@ -9,6 +9,7 @@ from catalog.pose import Pose
 from tasks.attitude.markings import UNKNOWN_DEG, Markings, markings_at_pose, mismatch_of
 from tasks.attitude.symmetry import Symmetry, better_flip, doubt_of_symmetry
 from tasks.bodies.masks import alone
+from tasks.bodies.measure import MeasuredBody, measured_bodies
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
 from tasks.compare.similarity import ssim
@@ -61,8 +62,8 @@ class OrientationReport(Content):
 
 
 class ValidateResult(Content):
-    """limb: see `LimbReport`. sun: see `SunReport`. blocks: see `blocks_of`. doubt: why the pose is doubtful, None when
-    nothing says so."""
+    """limb: see `LimbReport`. sun: see `SunReport`. blocks: see `blocks_of`. bodies: the frame's others. doubt: why the
+    pose is doubtful, None when nothing says so."""
 
     limb: LimbFigures
     similarity: Similarity
@@ -71,6 +72,7 @@ class ValidateResult(Content):
     dark_limb: PlainJson
     orientation: OrientationReport
     symmetry: PlainJson | None
+    bodies: tuple[MeasuredBody, ...] = ()
     doubt: str | None
     patches: PlainJson | None = None
 
@@ -79,7 +81,8 @@ def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult
     """Limb, similarity, Sun, orientation and blocks of a compression under the corrected pose (see `validate_limb`,
     `sun_in_image`, `blocks_of`)."""
     scene, pose = scene_of(inputs.scene, files), inputs.pose
-    observation = alone(load_observation(files.image), pose, scene)
+    everything = load_observation(files.image)
+    observation = alone(everything, pose, scene)
     report = validate_limb(observation, pose, scene, inputs.settings)
     save_arrays(work.folder, xy_px=report.xy_px, shift_px=report.shift_px, horizontal=report.horizontal)
     before = similarity_before(observation, inputs.predicted, scene, inputs.settings)
@@ -96,6 +99,7 @@ def run(inputs: ValidateInputs, files: SceneFiles, work: Work) -> ValidateResult
         dark_limb=outside.to_dict(),
         orientation=oriented.report,
         symmetry=oriented.symmetry.to_dict() if oriented.symmetry else None,
+        bodies=measured_bodies(everything, pose, scene),
         doubt=" ".join(doubt for doubt in doubts if doubt) or None,
     )
 

@@ -7,6 +7,7 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
+const PAUSE_MS = 200;
 const of = (id) => document.getElementById(id);
 const state = { about: null, product: null, place: null, page: null, row: null, next: null };
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
@@ -92,20 +93,21 @@ function fillPlanes(page) {
   of("other").replaceChildren(...options(picture.other, second));
 }
 
-// Once a picture is there: what hovering needs, then the next image.
+// Once a picture is there: the next image, then what hovering needs.
 async function afterFirstPicture(page) {
-  await hover.prepare(page);
-  if (state.page !== page) return;
+  if (!isStatic) await fetchNext(page);
+  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
+  if (state.page === page) await hover.prepare(page);
+}
+
+async function fetchNext(page) {
   const row = await table.rowAt((state.place ?? -2) + 1).catch(() => null);
-  if (!row || isStatic) return;
+  if (!row || state.page !== page) return;
   const coming = backend.product(row.product);
-  coming.catch(() => null);
   state.next = { product: row.product, coming };
   const next = await coming.catch(() => null);
-  if (next?.size_px && state.page === page) {
-    const level = next.levels - 1;
-    picture.tiles.wait(next, picture.side, picture.plane, level, 0, 0);
-  }
+  if (!next) state.next = null;
+  if (next?.size_px && state.page === page) await picture.tiles.wait(next, picture.side, picture.plane, next.levels - 1, 0, 0);
 }
 
 async function step(by) {
@@ -215,6 +217,11 @@ for (const action of ["accept", "reject", "note"]) of(action).addEventListener("
 of("undo").addEventListener("click", guarded(undo));
 async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
 
+window.addEventListener("hashchange", guarded(async () => {
+  const product = decodeURIComponent(location.hash.slice(1));
+  if (product && product !== state.product) await choose(product);
+}));
+
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
   "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
@@ -232,7 +239,8 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
   const inField = /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName);
-  if (event.key === "Escape" && inField) { event.target.blur(); of("table").focus(); return; }
+  // A search field would clear itself.
+  if (event.key === "Escape" && inField) { event.preventDefault(); event.target.blur(); of("table").focus(); return; }
   if (inField && !(event.target.type === "checkbox")) return;
   const arrow = ARROWS[event.key];
   let work = KEYS[event.key]?.[1];

@@ -189,3 +189,30 @@ def test_a_complaint_would_be_seen(page: Page, tmp_path: Path) -> None:
     page.open(bad.as_uri())
     assert len(page.complaints) >= 2
     assert page.ask(BROKEN_PICTURES) != []
+
+
+FILTERS = {
+    "phase > 50": [DOUBTFUL],
+    "phase<=50 and status = ok": [FINE],
+    "not status = ok": [DAMAGED, DOUBTFUL],
+    "phase_01": [FINE],
+    "sigma > 1e9": [],
+    "utc > 1900 phase > 50": [DOUBTFUL],
+}
+
+
+def test_filters_of_the_page_know_numbers_and_say_what_is_wrong(report, page: Page) -> None:
+    page.open(report.page.as_uri())
+
+    def typed(text: str) -> list[str]:
+        page.ask(
+            f"filter = document.getElementById('filter'), filter.value = {json.dumps(text)},"
+            " filter.dispatchEvent(new Event('input'))"
+        )
+        return sorted(page.ask(ROWS))
+
+    for text, products in FILTERS.items():
+        assert typed(text) == sorted(products), text
+    assert typed("phase > much") == []
+    assert "is a number" in page.ask("document.getElementById('shown').textContent")
+    assert page.complaints == []

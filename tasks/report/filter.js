@@ -22,7 +22,7 @@ function tokensOf(text) {
   return tokens;
 }
 
-const compare = {
+const COMPARE = {
   ">": (a, b) => a > b, ">=": (a, b) => a >= b, "<": (a, b) => a < b, "<=": (a, b) => a <= b,
   "=": (a, b) => a === b, "==": (a, b) => a === b, "!=": (a, b) => a !== b,
 };
@@ -39,7 +39,7 @@ export function makeFilter(text, kinds) {
     if (operator === "~") return (row) => has(row[column], value);
     if (operator === "!~") return (row) => !has(row[column], value);
     const known = (row) => row[column] !== null && row[column] !== undefined && row[column] !== "";
-    const how = compare[operator];
+    const how = COMPARE[operator];
     if (kinds[column] === "number") {
       const number = value.trim() === "" ? NaN : Number(value);
       if (Number.isNaN(number)) throw new Error(`the filter: ${name} is a number, "${value}" is none.`);

@@ -1,0 +1,199 @@
+"""Bundle adjustment: all poses and all points on the ground together, by Gauss-Newton with the points eliminated.
+
+Triggs et al. 2000, Bundle Adjustment - A Modern Synthesis, LNCS 1883, 298: reduced camera system, robust weights.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.camera import Camera
+from catalog.pose import Pose
+from catalog.robust import huber_weight, sigma_about_zero
+from catalog.target import Target
+from tasks.control.patches import Places, places_at
+from tasks.control.reduced import ReducedSystem
+from tasks.control.settings import ControlSettings
+from tasks.control.ties import Ties
+from tasks.joint.parameters import NAMES, State
+from tasks.mosaic.view import place_derivatives
+from tasks.project.points import pixels_of_points
+from tasks.project.uncertainty import PARAMETERS
+
+Array = NDArray[np.float64]
+UNKNOWNS = len(PARAMETERS)
+HUBER = 2.0
+ROUNDS, STEPS = 8, 10
+SETTLED = 1e-2  # of a sigma
+STEP_KM = 0.05
+
+
+@dataclass(frozen=True)
+class Bundle:
+    """poses: adjusted; moves (images, 7): what was added to each pose's unknowns, in the units of
+    `tasks.project.uncertainty.PARAMETERS`; covariance (images, 7, 7): of each. points (m, 3) km, point_sigma_km (m,
+    dims): 1-sigma east, north (and up). residual_px (n, 2): measured minus computed; used (n,): measures that were
+    kept. redundancy (images,): how far an image's measures check each other, from 0 to 1. sigma_scale: by how much
+    measures scatter more than they state, part of the covariances."""
+
+    poses: tuple[Pose, ...]
+    moves: Array
+    covariance: Array
+    points: Array
+    point_sigma_km: Array
+    residual_px: Array
+    used: NDArray[np.bool_]
+    redundancy: Array
+    sigma_scale: float
+    rounds: int
+
+
+def adjust_bundle(
+    poses: Sequence[Pose],
+    cameras: Sequence[Camera],
+    target: Target,
+    ties: Ties,
+    priors: Array,
+    settings: ControlSettings,
+) -> Bundle:
+    """Adjust poses and points to the ties. priors (images, 7, 7): covariance of each pose's unknowns.
+
+    Measures count by their covariances, robustly; those further off than `reject_sigma` are left out, and come back
+    when a later solution agrees with them."""
+    return _Problem(poses, cameras, target, ties, priors, settings).solve()
+
+
+class _Problem:
+    """Unknowns: moves (images, 7) of the poses, places of the points."""
+
+    def __init__(
+        self,
+        poses: Sequence[Pose],
+        cameras: Sequence[Camera],
+        target: Target,
+        ties: Ties,
+        priors: Array,
+        settings: ControlSettings,
+    ) -> None:
+        self.start, self.cameras, self.target, self.ties, self.settings = poses, cameras, target, ties, settings
+        self.information = np.linalg.inv(priors)
+        self.of_image = [np.flatnonzero(ties.image == k) for k in range(len(poses))]
+        self.whitening = np.linalg.inv(np.linalg.cholesky(ties.covariance))
+        self.dims = 3 if settings.free_radius else 2
+        self.height_information = np.zeros(self.dims)
+        if settings.free_radius:
+            self.height_information[2] = (settings.radius_sigma * target.mean_radius_km) ** -2.0
+        self.moves = np.zeros((len(poses), UNKNOWNS))
+        self.places = places_at(target, ties.points.copy())
+        self.height = np.zeros(len(ties.points))
+        self.poses = list(poses)
+
+    def solve(self) -> Bundle:
+        """Rounds of steps, each followed by a new choice of the measures that count."""
+        used, scale = np.ones(len(self.ties.image), bool), 1.0
+        rounds = 0
+        while rounds < ROUNDS:
+            rounds += 1
+            for _ in range(STEPS):
+                if self._step(used, scale):
+                    break
+            size = self._sizes(self.residual())
+            scale = max(sigma_about_zero(self._components(self.residual())[used].ravel()), 1.0) if used.any() else 1.0
+            kept = self._in_company(size <= self.settings.reject_sigma * scale)
+            if rounds > 1 and np.array_equal(kept, used):
+                break
+            used = kept
+        system = self._system(used, scale)
+        covariance = system.pose_covariances()
+        count = np.array([used[of].sum() for of in self.of_image])
+        own = UNKNOWNS - np.einsum("kij,kji->k", self.information, covariance)
+        return Bundle(
+            poses=tuple(self.poses),
+            moves=self.moves,
+            covariance=covariance,
+            points=self.points,
+            point_sigma_km=system.point_sigmas(),
+            residual_px=self.residual(),
+            used=used,
+            redundancy=np.clip(1 - own / np.maximum(2 * count, 1), 0, 1) * (count > 0),
+            sigma_scale=scale,
+            rounds=rounds,
+        )
+
+    @property
+    def points(self) -> Array:
+        """Points (m, 3) km with their heights."""
+        up = np.cross(self.places.east, self.places.north)
+        return np.asarray(self.places.points + self.height[:, None] * up)
+
+    def residual(self) -> Array:
+        """Measured minus computed pixels (n, 2)."""
+        points, found = self.points, np.empty_like(self.ties.xy_px)
+        for of, pose, camera in zip(self.of_image, self.poses, self.cameras, strict=True):
+            found[of] = self.ties.xy_px[of] - pixels_of_points(pose, camera, points[self.ties.point[of]])
+        return found
+
+    def _components(self, residual: Array) -> Array:
+        return np.asarray(np.einsum("nij,nj->ni", self.whitening, residual))
+
+    def _sizes(self, residual: Array) -> Array:
+        """Residuals in sigmas (n,), of the larger of the two components."""
+        return np.asarray(np.abs(self._components(residual)).max(axis=1))
+
+    def _in_company(self, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Measures of points that at least one other kept measure shows."""
+        count = np.bincount(self.ties.point[kept], minlength=len(self.ties.points))
+        return kept & (count >= 2)[self.ties.point]
+
+    def _derivatives(self) -> tuple[Array, Array]:
+        """Of computed pixels by poses (n, 2, 7) and by points (n, 2, dims)."""
+        n = len(self.ties.image)
+        by_pose, by_point = np.empty((n, 2, UNKNOWNS)), np.empty((n, 2, self.dims))
+        points = self.points
+        ways = [self.places.east, self.places.north, np.cross(self.places.east, self.places.north)][: self.dims]
+        for of, pose, camera in zip(self.of_image, self.poses, self.cameras, strict=True):
+            at = points[self.ties.point[of]]
+            by_pose[of] = place_derivatives(pose, camera, at).transpose(0, 2, 1)
+            for k, way in enumerate(ways):
+                step = STEP_KM * way[self.ties.point[of]]
+                ends = [pixels_of_points(pose, camera, at + sign * step) for sign in (1, -1)]
+                by_point[of, :, k] = (ends[0] - ends[1]) / (2 * STEP_KM)
+        return by_pose, by_point
+
+    def _system(self, used: NDArray[np.bool_], scale: float) -> ReducedSystem:
+        residual = self.residual()
+        weight = used * huber_weight(self._sizes(residual) / scale, HUBER) / scale**2
+        root = np.sqrt(weight)[:, None]
+        by_pose, by_point = self._derivatives()
+        white_pose, white_point = (self.whitening @ part * root[:, :, None] for part in (by_pose, by_point))
+        heights = np.zeros((len(self.height), self.dims))
+        if self.dims == 3:
+            heights[:, 2] = self.height
+        return ReducedSystem(
+            white_pose,
+            white_point,
+            self._components(residual) * root,
+            self.ties.image,
+            self.ties.point,
+            self.information,
+            self.moves,
+            self.height_information,
+            heights,
+        )
+
+    def _step(self, used: NDArray[np.bool_], scale: float) -> bool:
+        """One step; whether nothing moved any more."""
+        system = self._system(used, scale)
+        moves, shifts = system.solve()
+        self.moves = self.moves + moves
+        for k, (camera, move) in enumerate(zip(self.cameras, moves, strict=True)):
+            change = np.zeros(len(NAMES))
+            change[:UNKNOWNS] = move
+            self.poses[k] = State(self.poses[k], 1.0).moved(change, camera).pose
+        if self.dims == 3:
+            self.height = self.height + shifts[:, 2]
+        moved: Places = places_at(self.target, self.places.moved(self.target, shifts[:, :2]))
+        self.places = moved
+        return bool((np.abs(moves) < SETTLED * system.rough_sigmas()).all())

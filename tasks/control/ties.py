@@ -1,0 +1,146 @@
+"""Tie points: ground that several images show, and where each shows it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tasks.control.matching import match_patches
+from tasks.control.patches import Places, patches_of, places_on
+from tasks.control.settings import ControlSettings
+from tasks.mosaic.view import Ground, View, seen_from
+from tasks.photometry.laws import find_law
+from tasks.project.points import pixels_of_points
+
+Array = NDArray[np.float64]
+LEAST_SIGMA_PX = 0.03  # OpenCV's remap rounds places to 1/32 px; resampling of coarse images adds as much
+REFERENCE_SIGMA_PX = 0.03
+
+
+@dataclass(frozen=True)
+class Ties:
+    """n measures of m points. points (m, 3) km: a priori; image, point (n,): which; xy_px (n, 2): pixels of the
+    undistorted frame; covariance (n, 2, 2) px^2; correlation (n,): 1 of the image that the others were matched with,
+    which `reference` (n,) marks."""
+
+    points: Array
+    image: NDArray[np.intp]
+    point: NDArray[np.intp]
+    xy_px: Array
+    covariance: Array
+    correlation: Array
+    reference: NDArray[np.bool_]
+
+    def part(self, kept: NDArray[np.bool_]) -> "Ties":
+        """Some measures; points that fewer than two images show are left out, the others numbered anew."""
+        count = np.bincount(self.point[kept], minlength=len(self.points))
+        kept = kept & (count >= 2)[self.point]
+        used, point = np.unique(self.point[kept], return_inverse=True)
+        names = ("image", "xy_px", "covariance", "correlation", "reference")
+        return Ties(self.points[used], point=point, **{name: getattr(self, name)[kept] for name in names})
+
+
+@dataclass(frozen=True)
+class _Sights:
+    """What images see of places (images, places): resolution in km, NaN where a place is not lit, seen, or within."""
+
+    resolution_km: Array
+
+
+def find_ties(views: Sequence[View], settings: ControlSettings) -> Ties:
+    """Match patches around evenly spread places: in each, every image with the one that shows it best. Poses need to be
+    right within `search_px` pixels of the coarser image."""
+    places = places_on(views[0].target, settings.points)
+    sights = _sights(views, places, settings)
+    enough = np.isfinite(sights.resolution_km).sum(axis=0) >= 2
+    with np.errstate(invalid="ignore"):
+        best = np.nanargmin(np.where(np.isfinite(sights.resolution_km), sights.resolution_km, 1e12), axis=0)
+    found = [
+        _of_pair(views, int(reference), other, np.flatnonzero(enough & (best == reference)), places, sights, settings)
+        for reference in np.unique(best[enough])
+        for other in range(len(views))
+        if other != reference
+    ]
+    columns = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.empty(0)] * 5
+    image, place, xy, covariance, correlation = columns
+    return _with_references(views, places, best, image, place, xy, covariance, correlation)
+
+
+def _sights(views: Sequence[View], places: Places, settings: ControlSettings) -> _Sights:
+    resolution = np.full((len(views), len(places.points)), np.nan)
+    ground = Ground(places.points, np.cross(places.east, places.north))
+    for row, view in zip(resolution, views, strict=True):
+        with np.errstate(invalid="ignore"):
+            seen = seen_from(view.pose, view.camera, ground)
+            xy = seen.xy_px - np.asarray(view.corner_px)
+            shown = (seen.mu0 > np.cos(np.radians(settings.max_incidence_deg))) & (
+                seen.mu > np.cos(np.radians(settings.max_emission_deg))
+            )
+            shown &= (xy > 0).all(axis=-1) & (xy < np.array(view.image.shape[::-1]) - 1).all(axis=-1)
+        row[shown] = seen.resolution_km[shown]
+    return _Sights(resolution)
+
+
+def _of_pair(
+    views: Sequence[View], reference: int, other: int, chosen: NDArray[np.intp], places: Places, sights: _Sights,
+    settings: ControlSettings,
+) -> tuple[Array, ...]:  # fmt: skip
+    """Image, place, pixel, covariance and correlation of the matches of one image with another."""
+    fine, coarse = sights.resolution_km[reference, chosen], sights.resolution_km[other, chosen]
+    with np.errstate(invalid="ignore"):
+        chosen = chosen[np.isfinite(coarse) & (coarse < settings.most_ratio * fine)]
+    empty = (np.empty(0, np.intp), np.empty(0, np.intp), np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0))
+    if not len(chosen):
+        return empty
+    step = sights.resolution_km[other, chosen]
+    law, side, margin = find_law(settings.law), settings.patch_px, settings.search_px
+    first, whole = patches_of(views[reference], places.part(chosen), step, side, law)
+    second, wider = patches_of(views[other], places.part(chosen), step, side + 2 * margin, law)
+    both = whole & wider
+    if not both.any():
+        return empty
+    chosen, step = chosen[both], step[both]
+    matches = match_patches(first[both], second[both], margin)
+    good = matches.good & (matches.correlation >= settings.least_correlation)
+    chosen, step = chosen[good], step[good]
+    if not len(chosen):
+        return empty
+    at = places.part(chosen)
+    view = views[other]
+    size = step[:, None] * np.array([1.0, -1.0])  # rows go down, north goes up
+    xy = pixels_of_points(view.pose, view.camera, at.moved(view.target, matches.shift[good] * size))
+    covariance = _in_pixels(view, at, size, matches.covariance[good])
+    return np.full(len(chosen), other), chosen, xy, covariance, matches.correlation[good]
+
+
+def _in_pixels(view: View, at: Places, size_km: Array, covariance: Array) -> Array:
+    """Covariances (k, 2, 2) of shifts on the ground as those of pixels, with what resampling adds."""
+    middle = pixels_of_points(view.pose, view.camera, at.points)
+    jacobian = np.empty((len(at.points), 2, 2))
+    for k in range(2):
+        step = np.zeros((len(at.points), 2))
+        step[:, k] = size_km[:, k]
+        jacobian[:, :, k] = pixels_of_points(view.pose, view.camera, at.moved(view.target, step)) - middle
+    found = jacobian @ covariance @ jacobian.transpose(0, 2, 1)
+    return np.asarray(found + LEAST_SIGMA_PX**2 * np.eye(2))
+
+
+def _with_references(
+    views: Sequence[View], places: Places, best: NDArray[np.intp], image: Array, place: Array, xy: Array,
+    covariance: Array, correlation: Array,
+) -> Ties:  # fmt: skip
+    used = np.unique(place).astype(np.intp)
+    own = np.array(
+        [pixels_of_points(views[best[p]].pose, views[best[p]].camera, places.points[p]) for p in used]
+    ).reshape(-1, 2)
+    point = np.concatenate([np.searchsorted(used, place), np.arange(len(used))]).astype(np.intp)
+    return Ties(
+        points=places.points[used],
+        image=np.concatenate([image, best[used]]).astype(np.intp),
+        point=point,
+        xy_px=np.concatenate([xy, own]),
+        covariance=np.concatenate([covariance, np.tile(REFERENCE_SIGMA_PX**2 * np.eye(2), (len(used), 1, 1))]),
+        correlation=np.concatenate([correlation, np.ones(len(used))]),
+        reference=np.concatenate([np.zeros(len(image), bool), np.ones(len(used), bool)]),
+    )

@@ -1,0 +1,85 @@
+"""The pixels of a mosaic, and the blocks in which they are made."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.target import Target
+from tasks.export.map_grid import MapGrid, grid_of, map_projection
+
+Array = NDArray[np.float64]
+Block = tuple[slice, slice]
+LAYERS_PER_IMAGE = 10  # float64 arrays that a block keeps of every image
+SMALLEST_BLOCK, LARGEST_BLOCK = 64, 512
+
+
+@dataclass(frozen=True)
+class MosaicGrid:
+    """A whole map. The equirectangular one begins at longitude 0 (unless its middle is given) and at the north pole."""
+
+    grid: MapGrid
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.grid.shape
+
+    @property
+    def equirectangular(self) -> bool:
+        """Whether rows have one latitude and columns one longitude."""
+        return self.grid.projection.name == "equirectangular"
+
+    @property
+    def pixel_km(self) -> float:
+        """Side of a pixel where the map is true."""
+        return self.grid.step_m / 1e3
+
+    def places(self, block: Block) -> tuple[Array, Array]:
+        """Latitude and east longitude (rows, columns) of the pixels' centres; NaN where the map shows nothing."""
+        x, y = np.meshgrid(self.grid.x_m()[block[1]], self.grid.y_m()[block[0]])
+        return self.grid.projection.latitude_longitude(x, y)
+
+    def latitude(self) -> Array:
+        """Of the rows of an equirectangular map."""
+        return np.asarray(90 - (np.arange(self.shape[0]) + 0.5) * 180 / self.shape[0])
+
+    def longitude(self) -> Array:
+        """Of the columns of an equirectangular map: east, rising from the left edge."""
+        middle, columns = self.grid.shape[0] // 2, slice(0, self.shape[1])
+        _, longitude = self.places((slice(middle, middle + 1), columns))
+        return np.asarray(longitude[0])
+
+    def geo_transform(self) -> tuple[float, ...]:
+        """GDAL's six numbers, from column and row to the coordinates of the map: degrees of an equirectangular one,
+        metres of others."""
+        if not self.equirectangular:
+            return tuple(self.grid.transform.to_gdal())
+        step = 180 / self.shape[0]
+        return float(self.longitude()[0] - step / 2), step, 0.0, 90.0, 0.0, -step
+
+    def blocks(self, side: int) -> Iterator[Block]:
+        """All blocks of at most `side` pixels."""
+        rows, columns = self.shape
+        for top in range(0, rows, side):
+            for left in range(0, columns, side):
+                yield slice(top, min(top + side, rows)), slice(left, min(left + side, columns))
+
+
+def mosaic_grid(
+    projection: str, target: Target, pixel_km: float, centre_deg: tuple[float, float], middle_deg: float | None
+) -> MosaicGrid:
+    """The grid of the whole body (orthographic, polar: of a hemisphere). Raises RefusedError as `map_projection`."""
+    if projection == "equirectangular" and middle_deg is None:
+        middle_deg = 180.0
+    chosen = map_projection(projection, target, pixel_km, centre_deg, middle_deg)
+    return MosaicGrid(grid_of(chosen, chosen.extent_m))
+
+
+def block_side(images: int, memory_mb: float) -> int:
+    """Side of blocks whose values of all images fit into the memory: a power of two."""
+    pixels = memory_mb * 1e6 / (8 * LAYERS_PER_IMAGE * max(images, 1))
+    side = 2 ** int(math.log2(max(math.sqrt(pixels), 1)))
+    return min(max(side, SMALLEST_BLOCK), LARGEST_BLOCK)

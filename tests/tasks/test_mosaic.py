@@ -1,0 +1,269 @@
+"""Mosaics: planted albedo comes back from images of a foreign photometric law, with errors that are what they say."""
+
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+from catalog.basemap import BaseMap
+from catalog.errors import RefusedError, WrongOptionError
+from catalog.target import find_target
+from flows.cli import build_app
+from lab.simulate.albedo_store import paper_views, write_albedo_store
+from tasks.geometry.bilinear import map_values
+from tasks.mosaic.build import build_mosaic
+from tasks.mosaic.grid import block_side, mosaic_grid
+from tasks.mosaic.outputs import write_forms
+from tasks.mosaic.settings import MosaicSettings, pixel_size_km
+from tasks.mosaic.view import load_view
+
+# Small disks of three cameras, from several sides.
+VIEWS = (
+    "LOR_0034732619",
+    "LOR_0034849319",
+    "LOR_0035025959",
+    "C1630453",
+    "C1632318",
+    "C2053031",
+    "C2056420",
+    "C2058607",
+)
+# PSF (0.7 px), square pixel (0.29) and resampling of an image together, as a Gaussian.
+SMEARED_PX = 0.9
+LIMITS = {"max_incidence_deg": 70.0, "max_emission_deg": 70.0}
+
+
+def blotches(seed: int = 5) -> BaseMap:
+    """An albedo of 12 % (1-sigma) whose features are 6 degrees and more across."""
+    rng = np.random.default_rng(seed)
+    field = sum(cv2.GaussianBlur(rng.standard_normal((256, 512)), (0, 0), s) * s for s in (4, 9))
+    return BaseMap("blotches", (1 + 0.12 * field / field.std()).astype(np.float32), 0.0, "planted")
+
+
+ALBEDO = blotches()
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("albedo") / "store"
+    chosen = [view for view in paper_views() if view.product in VIEWS]
+    assert len(chosen) == len(VIEWS)
+    return folder, write_albedo_store(folder, chosen, ALBEDO, noise=0.004, subpixels_across=400)
+
+
+@pytest.fixture(scope="module")
+def mosaic(store, tmp_path_factory):
+    path = tmp_path_factory.mktemp("mosaic") / "map.zarr"
+    settings = MosaicSettings(resolution="2ppd", calibration_sigma=0.05, units_per_if=3000.0, **LIMITS)
+    made = build_mosaic(store[0], path, settings)
+    with xr.open_zarr(path) as dataset:
+        return made, dataset.load()
+
+
+def expected_reflectance(dataset, planted):
+    """The planted albedo over what the images resolve, under the standard geometry."""
+    latitude, longitude = np.meshgrid(dataset.lat.values, dataset.lon.values, indexing="ij")
+    exact = map_values(ALBEDO.albedo, 0.0, latitude, longitude) * planted.standard_reflectance()
+    pixel_km = np.radians(180 / len(dataset.lat)) * find_target("europa").mean_radius_km
+    widths = np.arange(0, 8.1, 0.5)
+    smeared = []
+    for width in widths:
+        rows = cv2.GaussianBlur(np.pad(exact, ((0, 0), (90, 90)), mode="wrap"), (1, 61), 1e-6, sigmaY=max(width, 1e-6))
+        stretched = np.minimum(np.maximum(width, 1e-6) / np.cos(np.radians(dataset.lat.values)), 20)
+        smeared.append(
+            np.array(
+                [cv2.GaussianBlur(r[None], (181, 1), w, sigmaY=1e-6)[0] for r, w in zip(rows, stretched, strict=True)]
+            )
+        )
+    part = np.clip(SMEARED_PX * np.nan_to_num(dataset.resolution_km.values) / pixel_km / 0.5, 0, len(widths) - 1.001)
+    low = part.astype(int)
+    stack = np.stack(smeared)[:, :, 90:-90]
+    row, column = np.indices(low.shape)
+    return (1 - part + low) * stack[low, row, column] + (part - low) * stack[low + 1, row, column]
+
+
+def test_the_planted_albedo_comes_back(store, mosaic) -> None:
+    made, dataset = mosaic
+    truth = expected_reflectance(dataset, store[1])
+    shown = np.isfinite(dataset.reflectance.values)
+    ratio = dataset.reflectance.values[shown] / truth[shown]
+    gain = float(np.median(ratio))
+    rms = float(np.std(ratio / gain))
+    pull = (dataset.reflectance.values[shown] / gain - truth[shown]) / dataset.sigma.values[shown]
+    within = float(np.mean(np.abs(pull) < 1))
+    print(f"\ngain {gain:.4f}, RMS {100 * rms:.2f} %, {100 * within:.0f} % within 1 sigma; {made.models['all'].values}")
+    assert shown.mean() > 0.5
+    assert abs(gain - 1) < 0.05
+    assert rms < 0.02
+    assert 0.5 < within < 0.9
+
+
+def test_images_join_without_seams(mosaic) -> None:
+    """Where the image of the largest weight changes from one pixel to the next, the reflectance changes no more than
+    elsewhere."""
+    _, dataset = mosaic
+    index, value = dataset.image_index.values, dataset.reflectance.values
+    step = np.diff(value, axis=1) / value[:, 1:]
+    seam = (np.diff(index, axis=1) != 0) & np.isfinite(step)
+    inside = (np.diff(index, axis=1) == 0) & np.isfinite(step)
+    assert seam.sum() > 100
+    assert np.sqrt(np.mean(step[seam] ** 2)) < np.sqrt(np.mean(step[inside] ** 2)) + 0.005
+
+
+def test_levels_are_those_that_were_planted(store, mosaic) -> None:
+    made, _ = mosaic
+    planted = np.array([store[1].factors[member.product] for member in made.members])
+    found = np.log(made.models["all"].levels / planted)
+    assert np.std(found) < 0.02 < np.std(np.log(planted))
+
+
+def test_layers_coordinates_and_attributes_are_as_documented(mosaic) -> None:
+    made, dataset = mosaic
+    assert dataset.reflectance.dims == ("lat", "lon")
+    assert dataset.lat.values[0] == pytest.approx(89.75)
+    assert dataset.lon.values[0] == pytest.approx(0.25)
+    assert np.all(np.diff(dataset.lon.values) > 0)
+    for name in ("reflectance", "sigma", "phase", "incidence", "emission", "resolution_km"):
+        assert dataset[name].dtype == np.float32
+        assert dataset[name].attrs["grid_mapping"] == "crs"
+    assert dataset["count"].dtype.kind == dataset.image_index.dtype.kind == "i"
+    shown = np.isfinite(dataset.reflectance.values)
+    assert np.array_equal(shown, dataset["count"].values > 0)
+    assert np.array_equal(shown, dataset.image_index.values >= 0)
+    assert dataset["count"].values.max() <= len(made.members) == len(dataset.attrs["products"])
+    assert float(dataset.incidence.max()) <= 70
+    assert float(dataset.emission.max()) <= 70
+    parts = [dataset[f"sigma_{name}"].values[shown] ** 2 for name in ("noise", "pose", "photometry")]
+    assert np.sqrt(sum(parts)) == pytest.approx(dataset.sigma.values[shown], rel=1e-3)
+    assert dataset.crs.attrs["grid_mapping_name"] == "latitude_longitude"
+    assert [float(x) for x in dataset.crs.attrs["GeoTransform"].split()] == pytest.approx([0, 0.5, 0, 90, 0, -0.5])
+    assert json.loads(dataset.attrs["laws"])["all"]["parameters"]["w"] == made.models["all"].values["w"]
+
+
+def test_small_blocks_give_the_same_map(store, mosaic, tmp_path) -> None:
+    settings = MosaicSettings(resolution="2ppd", calibration_sigma=0.05, units_per_if=3000.0, memory_mb=0.01, **LIMITS)
+    made = build_mosaic(store[0], tmp_path / "map.zarr", settings)
+    assert block_side(len(made.members), 0.01) < block_side(len(made.members), 256.0)
+    with xr.open_zarr(tmp_path / "map.zarr") as dataset:
+        found = dataset.reflectance.values
+    usual = mosaic[1].reflectance.values
+    assert np.array_equal(np.isfinite(found), np.isfinite(usual))
+    assert found[np.isfinite(found)] == pytest.approx(usual[np.isfinite(usual)], rel=2e-3)
+
+
+def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, tmp_path) -> None:
+    spoiled = tmp_path / "spoiled"
+    shutil.copytree(store[0], spoiled)
+    settings = MosaicSettings(resolution="1ppd", calibration_sigma=0.05, units_per_if=3000.0, **LIMITS)
+    clean = build_mosaic(spoiled, tmp_path / "clean.zarr", settings)
+    with xr.open_zarr(tmp_path / "clean.zarr") as dataset:
+        before = dataset.load()
+    row, column = np.argwhere((before["count"].values >= 4) & (before.incidence.values < 45))[0]
+    number = int(before.image_index.values[row, column])
+    view = load_view(clean.members[number].folder)
+    from tasks.project.points import pixels_of_points, surface_points
+
+    place = surface_points(view.target, before.lat.values[row], before.lon.values[column])
+    x, y = np.rint(pixels_of_points(view.pose, view.camera, place)).astype(int)
+    import zarr
+
+    cube = zarr.open_group(str(clean.members[number].folder / "cube.zarr"), mode="r+")
+    image = cube["image"][...]
+    image[y - 1 : y + 2, x - 1 : x + 2] += 4000
+    cube["image"][...] = image
+    load_view.cache_clear()
+    build_mosaic(spoiled, tmp_path / "after.zarr", settings)
+    load_view.cache_clear()
+    with xr.open_zarr(tmp_path / "after.zarr") as dataset:
+        after = dataset.load()
+    change = abs(float(after.reflectance[row, column] / before.reflectance[row, column]) - 1)
+    assert change < 0.02
+    assert int(after["count"][row, column]) < int(before["count"][row, column])
+
+
+@pytest.mark.parametrize("projection", ["orthographic", "polar-stereographic"])
+def test_other_projections_and_bands_have_the_same_values(store, mosaic, tmp_path, projection: str) -> None:
+    settings = MosaicSettings(
+        resolution="1ppd", projection=projection, bands="camera", calibration_sigma=0.05, units_per_if=3000.0, **LIMITS
+    )
+    made = build_mosaic(store[0], tmp_path / "map.zarr", settings)
+    files = write_forms(made, ("cog", "stac"))
+    assert len(files) == len(made.models) + 1 >= 3
+    import rasterio
+
+    with xr.open_zarr(tmp_path / "map.zarr") as dataset, rasterio.open(files[0]) as tiff:
+        assert dataset.reflectance.dims == ("band", "y", "x")
+        assert dataset.band.attrs["bands"] == sorted({member.band for member in made.members})
+        first = dataset.reflectance.isel(band=0).values
+        assert np.array_equal(tiff.read(1), first, equal_nan=True)
+        assert np.isfinite(first).sum() > 500
+    item = json.loads(files[-1].read_text())
+    assert set(item["assets"]) == {"zarr", *(f"cog-{band}" for band in made.models)}
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error"),
+    [
+        ({"resolution": "fine"}, WrongOptionError),
+        ({"resolution": "-4ppd"}, WrongOptionError),
+        ({"resolution": "0.1m"}, RefusedError),
+        ({"projection": "mercator"}, RefusedError),
+        ({"held": {"zeal": 1.0}}, RefusedError),
+        ({"law": "oren-nayar"}, RefusedError),
+        ({"max_incidence_deg": 1.0, "max_emission_deg": 1.0}, RefusedError),
+    ],
+)
+def test_what_makes_no_mosaic_is_refused_and_leaves_nothing(store, tmp_path, wrong, error) -> None:
+    from catalog.errors import PlanetposeError
+
+    with pytest.raises(error if error is WrongOptionError else PlanetposeError):
+        build_mosaic(store[0], tmp_path / "map.zarr", MosaicSettings(**wrong))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_weights_and_bands_are_wrong_options() -> None:
+    for wrong in ({"weights": "beauty"}, {"bands": "hue"}):
+        with pytest.raises(WrongOptionError):
+            MosaicSettings(**wrong)
+
+
+def test_resolutions_are_read_in_their_units() -> None:
+    europa = find_target("europa")
+    assert pixel_size_km("10km", europa) == 10
+    assert pixel_size_km("500 m", europa) == 0.5
+    grid = mosaic_grid("equirectangular", europa, pixel_size_km("4ppd", europa), (0.0, 0.0), None)
+    assert grid.shape == (720, 1440)
+
+
+def test_the_command_writes_all_forms_and_names_what_was_left_out(store, tmp_path, monkeypatch) -> None:
+    import contextlib
+    import sys
+
+    monkeypatch.setattr("flows.cli.output.clean_stdout", lambda: contextlib.nullcontext(sys.stdout))
+    spoiled = tmp_path / "spoiled"
+    shutil.copytree(store[0], spoiled)
+    broken = sorted(spoiled.glob("C205*"))[0]
+    (broken / "cube.zarr" / "image" / "zarr.json").write_text("{")
+    (broken / "cube.zarr" / "zarr.json").write_text("{")
+    command = [
+        "mosaic",
+        str(spoiled),
+        "--law",
+        "lunar-lambert",
+        "--resolution",
+        "1ppd",
+        "--out",
+        str(tmp_path / "m.zarr"),
+    ]
+    done = CliRunner().invoke(build_app(), [*command, "--format", "cog", "--format", "stac", "--json"])
+    assert done.exit_code == 1, done.output
+    summary = json.loads(done.stdout.splitlines()[0])
+    assert [each["product"] for each in summary["left_out"]] == [broken.name]
+    assert summary["unit"].startswith("image units")
+    assert {path.name for path in tmp_path.iterdir()} == {"spoiled", "m.zarr", "m.tif", "m.json"}
+    for wrong in (["--law", "x"], ["--weights", "x"], ["--bands", "x"], ["--resolution", "x"], ["--format", "x"]):
+        assert CliRunner().invoke(build_app(), [*command, *wrong]).exit_code == 2, wrong
