@@ -4,8 +4,8 @@ from typing import Annotated
 
 import typer
 
-from lab.closeup.command import closeup
 from lab.bodies.command import bodies
+from lab.closeup.command import closeup
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty

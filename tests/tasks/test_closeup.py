@@ -1,5 +1,7 @@
 """Close-ups: which frames are, how a motion moves them, what patches agree on, and what chance gives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -178,6 +180,13 @@ def test_a_ridge_says_nothing_along_itself() -> None:
     assert len(peaks.index)
     ratio = peaks.covariance[:, 1, 1] / peaks.covariance[:, 0, 0]
     assert np.median(ratio) > 5
+
+
+def test_a_perfect_match_is_no_perfect_measurement() -> None:
+    wide = markings(9, (100, 100))
+    surfaces = correlated(texture(wide[20:-20, 20:-20]), texture(wide), 20, 3)
+    perfect = replace(surfaces, correlation=surfaces.correlation / surfaces.correlation.max(axis=(1, 2), keepdims=True))
+    assert np.linalg.eigvalsh(peaks_of(perfect).covariance).min() > 0
 
 
 def test_a_short_arc_of_limb_says_little_along_itself() -> None:
