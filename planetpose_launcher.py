@@ -1,4 +1,4 @@
-"""Starts planetpose with its own `catalog`, `tasks`, `flows` and `lab`, whatever else is called so.
+"""Starts planetpose with its own `catalog`, `tasks`, `flows`, `viewer` and `lab`, whatever else is called so.
 
 Their names are general: a folder on PYTHONPATH, or the working folder, may hold a user's `tasks.py` or `flows.py`. This
 module alone has a name that nobody else has. The command `planetpose` imports it, and processes that it starts run it:
@@ -10,14 +10,18 @@ Importing it is enough: from then on our packages come from the folder that this
 multiprocessing starts as well, for they import the main module first.
 """
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
+# The matrices of all steps are small: threads of BLAS and OpenMP would mostly wait for each other, at full speed (a
+# fifth of the processor's time of a Voyager frame). What gains from threads starts its own.
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 HERE = Path(__file__).resolve().parent
-PACKAGES = frozenset({"catalog", "tasks", "local_server", "flows", "lab"})
+PACKAGES = frozenset({"catalog", "tasks", "local_server", "flows", "viewer", "lab"})
 put_aside: dict[str, str] = {}  # name and file of strangers that were imported before
 
 
@@ -31,7 +35,7 @@ class OwnPackages:
 
 
 def pin() -> None:
-    """From now on `catalog`, `tasks`, `flows` and `lab` are ours; imported strangers of these names are forgotten."""
+    """From now on the names in PACKAGES are ours; imported strangers of these names are forgotten."""
     if OwnPackages not in sys.meta_path:
         sys.meta_path.insert(0, OwnPackages)
     for name in PACKAGES & sys.modules.keys():
@@ -50,7 +54,10 @@ def hidden() -> dict[str, str]:
 
 
 def main() -> None:
-    """The command `planetpose`; with `-m MODULE` first, that module as a program."""
+    """The command `planetpose`; with `-m MODULE` first, that module as a program. BLAS and OpenMP get one
+    thread in it and in all processes that it starts, unless the environment says otherwise."""
+    for name in ONE_THREAD:
+        os.environ.setdefault(name, "1")
     if sys.argv[1:2] == ["-m"] and len(sys.argv) > 2:
         import runpy
 

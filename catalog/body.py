@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, model_validator
 
 from catalog.digest import sha256_of_file
 from catalog.errors import RefusedError
@@ -65,11 +65,28 @@ def _about_x(angle_deg: float) -> NDArray[np.float64]:
     return np.array([[1, 0, 0], [0, c, s], [0, -s, c]])
 
 
+class Ring(BaseModel):
+    """One annulus in the body's equator. inner_km, outer_km: radii; optical_depth: along its normal."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    name: str = Field(min_length=1, max_length=80)
+    inner_km: PositiveFloat
+    outer_km: PositiveFloat
+    optical_depth: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _has_width(self) -> "Ring":
+        if self.outer_km <= self.inner_km:
+            raise ValueError(f"ring {self.name}: outer_km {self.outer_km} is not beyond inner_km {self.inner_km}")
+        return self
+
+
 MAX_SHAPE_BYTES = 4_000_000_000  # the finest published shape models have 1-2 GB
 
 
 class Target(BaseModel):
     """One body. radii_km: semi-axes (a, b, c) of the body-fixed ellipsoid; radius_sigma_km: 1-sigma of the mean radius;
+    rings: in its equator;
     relief_km: RMS deviation of the surface from the ellipsoid; map_frame_deg: 1-sigma about each axis of how its base
     map lies in the frame of its coordinates. All None where nobody knows (see `expected_relief_km`,
     `expected_map_frame_deg`)."""
@@ -88,6 +105,7 @@ class Target(BaseModel):
     iau_crs: str | None = None
     shape: str | None = None  # shape model: a DSK kernel, OBJ or PLY file, in kilometres
     shape_sha256: str | None = None
+    rings: tuple[Ring, ...] = ()
     aliases: tuple[str, ...] = ()
     sources: tuple[str, ...] = ()
 

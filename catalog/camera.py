@@ -21,6 +21,7 @@ from catalog.optics import optics_of
 from catalog.plain_files import read_toml_file
 from catalog.plugins import CAMERAS, Plugin, contributed, refuse_unusable, toml_given
 from catalog.reasons import Reason
+from catalog.spacecraft_clock import SpacecraftClock
 
 CAMERA_FOLDER = Path(__file__).parent / "cameras"
 # An array that tomli-w spreads over lines, of numbers or of rows of numbers.
@@ -29,7 +30,7 @@ CAMERA_FILES = sorted(CAMERA_FOLDER.glob("*.toml"))
 
 
 class Distortion(BaseModel):
-    """Which distortion brick the camera needs by default, and its parameters (see `tasks/undistort`)."""
+    """Which distortion method the camera needs by default, and its parameters (see `tasks/undistort`)."""
 
     model_config = ConfigDict(frozen=True, extra="allow")
     model: str = "none"
@@ -85,12 +86,12 @@ class Camera(BaseModel):
     naif_ck_frame: str | None = None
     naif_ck_id: int | None = None
     ck_tolerance_s: float = Field(default=0.0, ge=0)  # a discrete C-kernel's nearest entry may be this far away
+    clock: SpacecraftClock | None = None  # None: the label's times are as good as its clock count
     instrument_frame: str | None = None
     camera_from_instrument: tuple[tuple[float, float, float], ...] = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
     label_dialect: str | None = None
-    # "HOST/INSTRUMENT" spellings found in labels: any host keyword (INSTRUMENT_HOST_NAME, SPACECRAFT_NAME, MISSION ...)
-    # and any instrument keyword (INSTRUMENT_ID, SENSOR ...) joined by "/", see catalog/readers/names.py.
-    # A VICAR or FITS file that has one of them is this camera's: a new camera needs no code, only these names.
+    # "HOST/INSTRUMENT" as labels spell them: a host and an instrument keyword (readers/names.py).
+    # A file that has one of them is this camera's: a new camera needs no code, only these names.
     label_names: tuple[str, ...] = ()
     kernels: tuple[str, ...] = ()  # names of the NAIF kernels a pose from SPICE needs
     sources: tuple[str, ...] = ()

@@ -1,5 +1,7 @@
 """The ways in which a picture may have been mirrored or turned by quarters, and how to undo them."""
 
+import math
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -40,3 +42,19 @@ def flipped(plane: NDArray[Any], flip: Flip) -> NDArray[Any]:
         "antitranspose": lambda a: a[::-1, ::-1].T,
     }
     return np.ascontiguousarray(turned[flip](plane))
+
+
+def geometry_as_flipped(geometry: Mapping[str, float], flip: Flip, shape: tuple[int, int]) -> dict[str, float]:
+    """A label's scalars of a picture (`catalog.label_geometry`), which count and turn as the file has its lines, for
+    the flipped picture. shape: (ny, nx) before."""
+    found, turn = dict(geometry), PLACES[flip]
+    middle = (np.array(shape[::-1], dtype=np.float64) - 1) / 2
+    if "centre_x_px" in found and "centre_y_px" in found:
+        after = middle[::-1] if turn[0, 0] == 0 else middle
+        place = turn @ (np.array([found["centre_x_px"], found["centre_y_px"]]) - middle) + after
+        found["centre_x_px"], found["centre_y_px"] = (float(value) for value in place)
+    if "north_azimuth_deg" in found:  # clockwise from the direction of growing x
+        azimuth = math.radians(found["north_azimuth_deg"])
+        x, y = turn @ (math.cos(azimuth), math.sin(azimuth))
+        found["north_azimuth_deg"] = math.degrees(math.atan2(y, x)) % 360.0
+    return found

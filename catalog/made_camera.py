@@ -8,6 +8,7 @@ from catalog.errors import RefusedError
 from catalog.isd import content_from_isd
 from catalog.isis_tables import content_from_cube, cube_label, is_isis_cube
 from catalog.kernel_camera import content_from_kernels
+from catalog.packed import readable
 from catalog.reasons import Reason
 from catalog.settings import default_kernels
 
@@ -24,13 +25,14 @@ def is_made(name: str | None) -> bool:
 def camera_carried_by(path: Path) -> tuple[str | None, str | None]:
     """Name (`isis:FILE`) of the camera that an ISIS cube carries in its NaifKeywords, and else why it makes none; both
     None for other files, and for cubes without keywords (before spiceinit)."""
-    if not is_isis_cube(path):
-        return None, None
     try:
-        label = cube_label(path)
-        if "NaifKeywords" not in label:
-            return None, None
-        content_from_cube(path, label)
+        with readable(path) as cube:
+            if not is_isis_cube(cube):
+                return None, None
+            label = cube_label(cube)
+            if "NaifKeywords" not in label:
+                return None, None
+            content_from_cube(cube, label)
     except RefusedError as error:
         return None, f"its NaifKeywords make none ({error.fault.rstrip('.')})"
     return f"{ISIS}{path}", None
@@ -57,4 +59,7 @@ def made_content(
     if name.lower().startswith(KERNELS):
         used = default_kernels() if kernels is None else list(kernels)
         return content_from_kernels(used, rest, None, filter_name, temperature_c)
-    return content_from_isd(Path(rest)) if name.lower().startswith(ISD) else content_from_cube(Path(rest))
+    if name.lower().startswith(ISD):
+        return content_from_isd(Path(rest))
+    with readable(Path(rest)) as cube:
+        return content_from_cube(cube)

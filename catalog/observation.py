@@ -14,7 +14,9 @@ from catalog.pose import PartialPose
 
 
 class Quality(IntFlag):
-    """Bit flags of a pixel; the names are the CF `flag_meanings` of the cube."""
+    """Bit flags of a pixel; the names are the CF `flag_meanings` of the cube. OCCULTED: the target is there, behind
+    another body. ECLIPSED: another body or a ring takes sunlight away from what the pixel sees. OTHER_BODY: the pixel
+    sees another body than the target, or rings."""
 
     MISSING = 1
     SATURATED = 2
@@ -27,9 +29,19 @@ class Quality(IntFlag):
     EXTRAPOLATED_MAP = 256
     MASKED_BY_USER = 512
     SUSPECT = 1024
+    OCCULTED = 2048
+    ECLIPSED = 4096
+    OTHER_BODY = 8192
 
 
-UNUSABLE = Quality.MISSING | Quality.SATURATED | Quality.RESEAU | Quality.OUTSIDE_WINDOW | Quality.MASKED_BY_USER
+UNUSABLE = (
+    Quality.MISSING
+    | Quality.SATURATED
+    | Quality.RESEAU
+    | Quality.OUTSIDE_WINDOW
+    | Quality.MASKED_BY_USER
+    | Quality.OTHER_BODY
+)
 
 
 @dataclass(frozen=True)

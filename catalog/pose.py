@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from catalog.errors import RefusedError
+from catalog.placed_body import PlacedBody, body_from_dict
 from catalog.plain_files import read_json_file
 from catalog.reasons import Reason
 from catalog.rotation import checked_rotation
@@ -25,6 +26,7 @@ IN_IMAGE = "image"
 SAME_TIME_S = 0.01
 MAX_VELOCITY_KM_S = 1000.0
 VELOCITY_KEYS = ("spacecraft_velocity_km_s", "target_velocity_km_s")  # optional, and known together
+BODIES = "bodies"  # optional: what else may be in the frame
 
 
 def _checked_position(value: ArrayLike, name: str) -> Vector:
@@ -51,8 +53,9 @@ class Pose:
     +Y line). target_from_spacecraft_km: (3,) J2000, light time and stellar aberration corrected (LT+S).
     sun_from_target_km: (3,) J2000. spacecraft_velocity_km_s, target_velocity_km_s: (3,) J2000, relative to the solar
     system's barycentre, the target's when the light left it; both, or None. With them the projection knows how
-    aberration and light time differ over the disk; without, both are taken as the centre's. Raises ValueError when a
-    matrix is no rotation or a vector is not finite.
+    aberration and light time differ over the disk; without, both are taken as the centre's. bodies: others that are
+    in the frame or shadow what is, placed relative to the target. Raises ValueError when a matrix is no rotation or a
+    vector is not finite.
     """
 
     et: float
@@ -62,6 +65,7 @@ class Pose:
     body_from_j2000: Matrix
     spacecraft_velocity_km_s: Vector | None = None
     target_velocity_km_s: Vector | None = None
+    bodies: tuple[PlacedBody, ...] = ()
 
     def __post_init__(self) -> None:
         if not np.isfinite(self.et):
@@ -123,6 +127,7 @@ class Pose:
             "et": float(self.et),
             **{key: getattr(self, key).tolist() for key in POSE_KEYS},
             **{key: getattr(self, key).tolist() for key in VELOCITY_KEYS if getattr(self, key) is not None},
+            **({BODIES: [body.to_dict() for body in self.bodies]} if self.bodies else {}),
         }
 
     @classmethod
@@ -137,7 +142,7 @@ class Pose:
 
 @dataclass(frozen=True)
 class PartialPose:
-    """The parts of a pose that one source knows; None marks an unknown part."""
+    """The parts of a pose that one source knows; None marks an unknown part. bodies: placed, or as a file has them."""
 
     et: float | None = None
     camera_from_j2000: Matrix | None = None
@@ -146,15 +151,20 @@ class PartialPose:
     body_from_j2000: Matrix | None = None
     spacecraft_velocity_km_s: Vector | None = None
     target_velocity_km_s: Vector | None = None
+    bodies: tuple[PlacedBody | Mapping[str, Any], ...] = ()
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> "PartialPose":
         """Parts from a pose file's content. Raises ValueError for unknown keys, bad values and bad rotations."""
         if not isinstance(content, dict):
             raise ValueError("a pose file holds one JSON object")
-        unknown = sorted(set(content) - {"utc", "et", *POSE_KEYS, *VELOCITY_KEYS})
+        known_keys = ("utc", "et", *POSE_KEYS, *VELOCITY_KEYS, BODIES)
+        unknown = sorted(set(content) - set(known_keys))
         if unknown:
-            raise ValueError(f"unknown keys {unknown}; known are utc, et, {', '.join((*POSE_KEYS, *VELOCITY_KEYS))}")
+            raise ValueError(f"unknown keys {unknown}; known are {', '.join(known_keys)}")
+        bodies = content.get(BODIES) or ()
+        if not isinstance(bodies, list | tuple) or not all(isinstance(each, Mapping) for each in bodies):
+            raise ValueError(f"{BODIES} is no list of JSON objects")
         et = content.get("et")
         if et is None and content.get("utc") is not None:
             et = et_from_utc(str(content["utc"]))
@@ -163,7 +173,7 @@ class PartialPose:
         try:
             for key in known:
                 known[key] = _check_of(key)(known[key], key)
-            return cls(et=None if et is None else float(et), **known)
+            return cls(et=None if et is None else float(et), bodies=tuple(bodies), **known)
         except TypeError as error:
             raise ValueError(f"a value is not a number: {error}") from error
 
@@ -182,7 +192,12 @@ class PartialPose:
         missing = self.missing()
         if missing:
             raise ValueError(f"unknown parts: {', '.join(missing)}")
-        return Pose(**{field.name: getattr(self, field.name) for field in dataclasses.fields(self)})
+        bodies = tuple(
+            each if isinstance(each, PlacedBody) else body_from_dict(each, number)
+            for number, each in enumerate(self.bodies)
+        )
+        parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return Pose(**{**parts, BODIES: bodies})
 
 
 def _check_of(key: str) -> Callable[[ArrayLike, str], Any]:

@@ -59,7 +59,7 @@ def pose_parts_from_loaded(
     emission_et = None if light_time_s is None else et - light_time_s
     parts = PartialPose(
         et=et,
-        camera_from_j2000=_camera_from_j2000(camera, et, missing),
+        camera_from_j2000=orientation_from_loaded(camera, et, missing),
         target_from_spacecraft_km=position,
         sun_from_target_km=None if emission_et is None else _sun_from_target(target, emission_et, loaded, missing),
         body_from_j2000=None if emission_et is None else _body_from_j2000(target, emission_et, missing),
@@ -129,8 +129,9 @@ def _body_from_j2000(target: Target, emission_et: float, missing: list[str]) -> 
         return None
 
 
-def _camera_from_j2000(camera: Camera, et: float, missing: list[str]) -> NDArray[np.float64] | None:
-    """camera_from_instrument @ instrument_from_platform (FK) @ platform_from_j2000 (CK)."""
+def orientation_from_loaded(camera: Camera, et: float, missing: list[str]) -> NDArray[np.float64] | None:
+    """The camera's orientation (3, 3) by the C-kernels that a `kernel_pool` around the call holds; None, and why in
+    `missing`, where they have none. camera_from_instrument @ instrument_from_platform (FK) @ platform_from_j2000."""
     import spiceypy
     from spiceypy.utils.exceptions import NotFoundError, SpiceyError
 

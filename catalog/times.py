@@ -1,4 +1,5 @@
-"""Times of several scales as TDB and back, without a leap-second kernel: by astropy, which carries the leap seconds."""
+"""Times of several scales as TDB and back, without a leap-second kernel: by ERFA, which carries the leap seconds; what
+is out of the ordinary by astropy, whose import takes longer than all else here."""
 
 import re
 from contextlib import nullcontext
@@ -6,6 +7,9 @@ from datetime import UTC, date, datetime, timedelta
 
 J2000_TT_JD = 2451545.0
 GPS_BEHIND_TAI_S = 19.0
+DAY_S = 86400.0
+# Years whose leap seconds are known to any ERFA that we run with, and scales that it turns into TDB by itself.
+KNOWN_YEARS, KNOWN_SCALES = range(1972, 2027), {"utc": "UTC", "tai": "TAI", "gps": "TAI", "tt": "TT", "tdb": "TDB"}
 TIME = re.compile(
     r"(\d{4})-(?:(\d{2})-(\d{2})|(\d{3}))"  # calendar day, or day of the year
     r"(?:[T ](\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d*)?))?)?"
@@ -48,7 +52,13 @@ def et_from_time(text: str, scale: str) -> float:
         float(second or 0) >= 60 and not _is_leap_second(day_meant, hour, minute, scale)
     ):
         raise ValueError(f"{text!r} is no time: there is no such day, or no such second")
-    et = _et_by_astropy(f"{day_meant.isoformat()}T{int(hour):02d}:{minute}:{second or '00'}", "isot", scale, text)
+    clock = (int(hour), int(minute), float(second or 0))
+    is_ordinary = clock[0] < 24 and clock[1] < 60 and clock[2] < 60 and day_meant.year in KNOWN_YEARS
+    et = (
+        _et_by_erfa(day_meant, clock, scale)
+        if is_ordinary and scale in KNOWN_SCALES
+        else _et_by_astropy(f"{day_meant.isoformat()}T{int(hour):02d}:{minute}:{second or '00'}", "isot", scale, text)
+    )
     if offset_h is None:
         return et
     return et - 60.0 * (60 * int(offset_h) + (-1 if offset_h.startswith("-") else 1) * int(offset_min))
@@ -58,6 +68,32 @@ def et_from_mjd(days: float, scale: str, seconds: float = 0.0) -> float:
     """TDB seconds past J2000 of a Modified Julian Date of `scale` (see `et_from_time`) and seconds after it. Raises
     ValueError as `et_from_time` does."""
     return _et_by_astropy(days, "mjd", scale, f"MJD {days}", seconds)
+
+
+def _et_by_erfa(day: date, clock: tuple[int, int, float], scale: str) -> float:
+    """TDB seconds past J2000 of a time of one of KNOWN_SCALES, by the steps that astropy takes; TDB is by its series at
+    the centre of the Earth."""
+    import erfa
+
+    name = KNOWN_SCALES[scale]
+    hour, minute, second = clock
+    jd = erfa.dtf2d(name, day.year, day.month, day.day, hour, minute, second)
+    if name == "UTC":
+        jd = erfa.utctai(*jd)
+    if name in ("UTC", "TAI"):
+        jd = erfa.taitt(*jd)
+    if name != "TDB":
+        jd = erfa.tttdb(*jd, _tdb_less_tt_s(*jd))
+    et = (jd[0] - J2000_TT_JD) * DAY_S + jd[1] * DAY_S
+    return float(et + (GPS_BEHIND_TAI_S if scale == "gps" else 0.0))
+
+
+def _tdb_less_tt_s(jd: float, more: float) -> float:
+    """At a Julian date, in two parts, of either; universal time, which it hardly depends on, taken for UTC."""
+    import erfa
+
+    utc = erfa.taiutc(*erfa.tttai(jd, more))
+    return float(erfa.dtdb(jd, more, (utc[0] - 0.5) % 1.0 + utc[1], 0.0, 0.0, 0.0))
 
 
 def _et_by_astropy(value: str | float, form: str, scale: str, text: str, seconds: float = 0.0) -> float:
@@ -88,6 +124,15 @@ def _is_leap_second(day: date, hour: str, minute: str, scale: str) -> bool:
 
 def utc_from_et(et: float) -> str:
     """ISO UTC with microseconds and a trailing Z for TDB seconds past J2000."""
+    import erfa
+
+    days, seconds = divmod(et, DAY_S)
+    if 1 < days / 365.25 + 2000 - KNOWN_YEARS.start < len(KNOWN_YEARS) - 1:
+        jd, more = J2000_TT_JD + days, seconds / DAY_S
+        utc = erfa.taiutc(*erfa.tttai(*erfa.tdbtt(jd, more, _tdb_less_tt_s(jd, more))))
+        year, month, day, clock = erfa.d2dtf("UTC", 6, *utc)
+        hour, minute, second, micro = clock.tolist()
+        return f"{year:04d}-{month:02d}-{day:02d}T{hour:02d}:{minute:02d}:{second:02d}.{micro:06d}Z"
     from astropy.time import Time, TimeDelta
 
     time = Time(J2000_TT_JD, format="jd", scale="tdb") + TimeDelta(et, format="sec", scale="tdb")

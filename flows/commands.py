@@ -20,6 +20,7 @@ from flows.options import (
     PhotometryOptions,
     ReportOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from catalog.fetch import Item
@@ -257,6 +258,33 @@ def adjust(options: AdjustOptions, show: Show) -> None:
     found = adjust_store(options.store, AdjustSettings(gap_s=options.gap), options.out)
     good = all(each["reason"].startswith(NOT_JOINT) for each in found["left_out"])
     show(Row(adjustment_table(found), found, good))
+
+
+def stars(options: StarsOptions, show: Show) -> None:
+    """A row per image; no stars are a result too. Raises WrongOptionError for a catalog, columns or a direction that
+    are no good."""
+    from tasks.stars.report import as_text
+    from tasks.stars.requests import requests_of
+    from tasks.stars.write import stars_of_images
+
+    for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
+        show(Row(as_text(content), content, good))
+
+
+def astrometry(options: AstrometryOptions, show: Show) -> None:
+    """A row per observation, then the files; asides for products that were left out."""
+    from catalog.settings import default_kernels
+    from tasks.astrometry.store import write_astrometry
+
+    given = options.chosen_kernels
+    kernels = default_kernels() if given is None else given
+    rows, left_out, paths = write_astrometry(options.store, options.out, kernels, options.station)
+    for row in rows:
+        text = "{image}: {body} RA {ra_deg:.6f} Dec {dec_deg:.6f} deg, O-C ({oc_ra_arcsec:+.2f}, {oc_dec_arcsec:+.2f})"
+        show(Row(text.format(**row) + f" arcsec, {row['stars']} stars", row))
+    show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in left_out.items():
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
 
 def check(options: CheckOptions, show: Show) -> None:

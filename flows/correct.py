@@ -18,7 +18,7 @@ from flows.request import Request
 from flows.requests import requests_of_files
 from flows.result import tally
 from tasks.boundary import PUBLISHED
-from tasks.objectstore.places import note_in_index
+from tasks.objectstore.places import Indexing
 from tasks.prefect_task import run_as_task
 
 HEAR_CTRL_C_S = 0.5
@@ -48,7 +48,8 @@ def correct_all(requests: list[Request], workers: int) -> State[list[Result]]:
     listener, run_logger = audience(), get_run_logger()
     refused, stop = twins(requests), Event()
     results: list[Result] = []
-    with ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image") as pool, stopping(pool, stop):
+    threads = ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image")
+    with Indexing() as indexing, threads as pool, stopping(pool, stop):
         # Each thread gets a copy of the flow's context: its tasks belong to this flow run.
         futures = [
             pool.submit(
@@ -59,7 +60,7 @@ def correct_all(requests: list[Request], workers: int) -> State[list[Result]]:
         for future in futures:
             result = awaited(future, stop)
             results.append(result)
-            note_in_index(requests[len(results) - 1].store, result)
+            indexing.note(requests[len(results) - 1].store, result)
             listener.on_result(result)
             run_logger.info("%s: %s %s", result["product"], result["status"], result["reason"] or "")
     bad = [result for result in results if result["status"] not in PUBLISHED]

@@ -18,7 +18,7 @@ from tasks.correcting import Known
 from tasks.diagnose.diagnosis import MAP
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
 from tasks.record import RECORD_FILE, read_record
-from tasks.registry import CORRECTIONS, DIAGNOSE, START, VALIDATE
+from tasks.registry import CLOSEUP, CORRECTIONS, DIAGNOSE, START, VALIDATE
 from tasks.scene_inputs import UNIFORM, SceneFiles
 
 logger = logging.getLogger("planetpose")
@@ -42,9 +42,14 @@ def diagnose(chain: Chain, error: PlanetposeError, known: Known, files: SceneFil
     corrections began."""
     if error.code == "interrupted":
         return error
-    inputs = diagnose_inputs(chain, known, error.reason, error.code in EXAMINED)
+    inputs = diagnose_inputs(chain, known, error.reason, error.code in EXAMINED and not is_close_up(chain))
     found = chain.do(DIAGNOSE, inputs, files).result.diagnosis
     return FailedError(found.code, found.fault, found.remedy) if found else error
+
+
+def is_close_up(chain: Chain) -> bool:
+    """Whether the frame shows too little of the disk for explanations that compare disks."""
+    return chain.last(CLOSEUP) is not None
 
 
 def explain_doubts(chain: Chain, known: Known, files: SceneFiles) -> None:
@@ -52,7 +57,7 @@ def explain_doubts(chain: Chain, known: Known, files: SceneFiles) -> None:
     `doubts` then names it first. A search that fails leaves the doubts as they are. Raises FailedError when the command
     is interrupted."""
     found = doubts(chain)
-    if not found or not all(code_of(doubt) in CONSEQUENCES for doubt in found):
+    if not found or is_close_up(chain) or not all(code_of(doubt) in CONSEQUENCES for doubt in found):
         return
     try:
         chain.do(DIAGNOSE, diagnose_inputs(chain, known, found[0], True), files)

@@ -19,6 +19,7 @@ from flows.options import (
     PhotometryOptions,
     ReportOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
@@ -83,6 +84,18 @@ def control(options: ControlOptions) -> State[None]:
 def adjust(options: AdjustOptions) -> State[None]:
     """Solve for what the images of a store share."""
     return state_of(commands.adjust, options)
+
+
+@flow_of(StarsOptions)
+def stars(options: StarsOptions) -> State[None]:
+    """Identify the stars of images."""
+    return state_of(commands.stars, options)
+
+
+@flow_of(AstrometryOptions)
+def astrometry(options: AstrometryOptions) -> State[None]:
+    """Write where bodies are seen among the stars."""
+    return state_of(commands.astrometry, options)
 
 
 @flow_of(CheckOptions)

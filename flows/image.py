@@ -9,16 +9,17 @@ from catalog.errors import PlanetposeError
 from flows import inputs
 from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
-from flows.prediction import known_at_start, predicted_pose
+from flows.guided import remember
+from flows.prediction import known_at_start, orientation_by_stars, predicted_pose
 from flows.request import is_started_elsewhere, refuse_what_is_no_text
 from flows.result import result_of, verdict
 from flows.verdict import doubts, reminded, settled
-from tasks.accept.acceptance import check_limb, explained, refuse_doubtful_behind
+from tasks.accept.acceptance import check_report, explained, refuse_doubtful_behind
 from tasks.correcting import CorrectionResult, Known, correction_inputs
 from tasks.ingest.step import IngestResult
 from tasks.publish.origin import note_place, refuse_taken
 from tasks.publish.step import PublishResult
-from tasks.registry import CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
+from tasks.registry import CLOSEUP, CORRECTIONS, INGEST, PUBLISH, START, UPLOAD, VALIDATE
 from tasks.scene_inputs import SceneFiles
 
 
@@ -48,15 +49,17 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
     refuse_taken(request.product_folder, request.image, frame.sha256)
     predicted, undistorted = predicted_pose(chain, frame)
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
-    known = known_at_start(request, scene, predicted)
+    stars = orientation_by_stars(chain, frame, predicted)
+    known = known_at_start(request, scene, predicted, stars)
     try:
         corrected = corrected_or_explained(chain, Corrected(known, files))
     except PlanetposeError as error:
         raise explained(error, predicted.pose) from error
-    product = publish(chain, frame, corrected)
+    product = publish(chain, frame, replace(corrected, known=corrected.known.separated(stars)))
     if not chain.read_only:
         forget(request)
         note_place(request.product_folder, request.image, frame.sha256)
+        remember(request)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 
@@ -83,25 +86,24 @@ def corrected_or_explained(chain: Chain, start: Corrected) -> Corrected:
 
 def corrected_pose(chain: Chain, corrected: Corrected) -> Corrected:
     """All passes and the verdict. Raises FailedError when the image does not bear the pose out."""
-    request, predicted = chain.request, corrected.known.predicted
+    request, known = chain.request, corrected.known
     if is_started_elsewhere(request):
-        start = chain.do(START, *inputs.of_start(request, corrected.known.scene, predicted)).result
-        corrected = replace(corrected, known=replace(corrected.known, pose=start.pose, search_frame=False))
+        start = chain.do(START, *inputs.of_start(request, known.scene, known.predicted)).result
+        corrected = replace(corrected, known=replace(known, pose=start.pose, search_frame=False))
+    if request.profile.takes_for_close_up(corrected.known.pose, corrected.known.scene):
+        return validated(chain, correct(chain, CLOSEUP.name, 1, corrected))
     for number in range(1, request.profile.passes + 1):
         for name in request.profile.corrections(number):
             corrected = correct(chain, name, number, corrected)
         if number > 1 and settled(chain, number):
             break
         corrected = replace(corrected, known=replace(corrected.known, search_frame=False))
-    validate(chain, corrected)
-    refuse_doubtful_behind(predicted, doubts(chain))
-    return corrected
+    return validated(chain, corrected)
 
 
 def correct(chain: Chain, name: str, number: int, before: Corrected) -> Corrected:
     """One of the corrections: what it changes, later steps get in place of what was there before."""
-    step, known = CORRECTIONS[name], before.known
-    settings = chain.request.profile.settings_of(name, number)
+    step, known, settings = CORRECTIONS[name], before.known, chain.request.profile.settings_of(name, number)
     done = chain.do(step, correction_inputs(step, known, settings), before.files, number=number)
     result, files = done.result, before.files
     known = replace(known, pose=result.pose)
@@ -113,11 +115,12 @@ def correct(chain: Chain, name: str, number: int, before: Corrected) -> Correcte
     return Corrected(known, files, result)
 
 
-def validate(chain: Chain, corrected: Corrected) -> None:
-    """Compare the limbs, and the markings where the last correction did not. Raises FailedError when the limb does not
-    agree with the pose."""
+def validated(chain: Chain, corrected: Corrected) -> Corrected:
+    """The same, once limbs and markings are compared. Raises FailedError where the image does not bear the pose out."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
-    check_limb(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result.limb)
+    check_report(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result)
+    refuse_doubtful_behind(corrected.known.predicted, doubts(chain))
+    return corrected
 
 
 def publish(chain: Chain, frame: IngestResult, corrected: Corrected) -> Done[PublishResult]:

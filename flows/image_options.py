@@ -86,6 +86,9 @@ class ImageOptions(Options):
         description="Base map: an equirectangular picture of the whole body; or none."
     )
     map_left_edge_deg: float = opt(0.0, ge=-360, le=360, description="East longitude of the map's left edge.")
+    body: tuple[str, ...] = opt(
+        (), description="Another body in the frame, by kernels; repeat; or none. Default: all that kernels cover."
+    )
     shape: File = opt(description="Shape model in km for the planes: DSK kernel, OBJ or PLY.")
     start_offset_px: Annotated[
         Limits | None, BeforeValidator(two_numbers), Cli(("--start-offset",), metavar="DX,DY", text=True)
@@ -99,4 +102,7 @@ class ImageOptions(Options):
     window: Annotated[
         tuple[int, int, int, int] | None, BeforeValidator(four_numbers), Cli(metavar="X,Y,W,H", text=True)
     ] = opt(description="Part of the detector in the file, in detector pixels from 0.")
+    stars: Text = opt(
+        description="Look for stars (gaia, hipparcos, or a catalog's file): the camera apart from the target."
+    )
     resume: File = opt(description="Product folder, result.json or store to start from.")

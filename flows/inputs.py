@@ -12,6 +12,7 @@ from catalog.readers import plugin_reader_of
 from catalog.reseau import reseau_table_path
 from catalog.resumed import pose_to_resume
 from catalog.spice import KernelLists, kernel_inputs
+from catalog.stars.embedded import EMBEDDED
 from catalog.target import Target, find_target, known_target
 from flows.chain import Chain, Done
 from flows.request import (
@@ -36,6 +37,7 @@ from tasks.publish.origin import origin_of
 from tasks.publish.step import PublishFiles, PublishInputs, PublishResult
 from tasks.registry import CORRECTIONS, IMAGE_POSE, INGEST, POSE, STEPS
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
+from tasks.stars.step import StarsFiles, StarsInputs
 from tasks.undistort import UndistortSettings
 from tasks.undistort.step import UndistortFiles, UndistortInputs, UndistortResult
 from tasks.validate.step import ValidateInputs
@@ -90,6 +92,8 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         target=None if image.given_target else known_target(frame.target_name),
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
+        bodies=request.body,
+        catalog=target_names_digest() if kernels or request.body else None,
     )
     files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))
     watched = (*watched_image(request, image), *((kernel.path, kernel.sha256) for kernel in kernels))
@@ -118,6 +122,26 @@ def reseau_digests(camera: Camera, settings: UndistortSettings) -> dict[str, str
     named = (camera.distortion.parameters.get("table"), settings.marks)
     paths = {str(name): reseau_table_path(str(name)) for name in named if name}
     return {name: digest_of(path, "reseau table") for name, path in paths.items() if path}
+
+
+def of_stars(request: Request, frame: IngestResult, pose: Pose) -> tuple[StarsInputs, StarsFiles, Watched]:
+    """For the step `stars`. pose: the predicted one."""
+    given, files, watched = of_undistort(request, frame)
+    catalog = str(request.stars)
+    is_packaged = catalog.lower() in EMBEDDED
+    digest = catalog.lower() if is_packaged else digest_of(Path(catalog), "star catalog")
+    inputs = StarsInputs(
+        image=given.image,
+        camera=given.camera,
+        undistorted=given.undistorted,
+        undistort=given.settings,
+        reseau_tables=given.reseau_tables,
+        mask=given.mask,
+        catalog=digest,
+        pose=pose,
+    )
+    watched += () if is_packaged else ((Path(catalog), digest),)
+    return inputs, StarsFiles(files.image, files.camera, files.mask, catalog), watched
 
 
 def scene_of_image(
@@ -179,6 +203,7 @@ def of_validate(request: Request, known: Known, last: CorrectionResult | None) -
         predicted=known.predicted,
         orientation=last.evidence.get("orientation") if last else None,
         attitude_prior_deg=known.attitude_prior_deg,
+        patches=last.evidence.get("patches") if last else None,
         settings=request.profile.validate_,
     )
 

@@ -67,7 +67,7 @@ class CorrectOptions(ImageOptions, KernelOptions):
     product: Annotated[tuple[str, ...], Cli(metavar="NAME")] = opt(
         (), description="Name of the product instead of the file's; once for each file."
     )
-    profile: str = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    profile: str = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     hold: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="GROUPS", text=True)] = opt(
         (), description="Do not change: range, attitude, roll, offset, psf (comma list)."
     )
@@ -88,7 +88,7 @@ class ReprocessOptions(Options):
         ..., min_length=1, description="Image list: a name of the catalog, or a CSV, TOML or Parquet file."
     )
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
-    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Which bricks: a name, or FILE.toml.")
+    profile: NameOrFile = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     only: tuple[str, ...] = opt((), description="Products like this (C16*); repeat for more.")
     kernels: tuple[Path, ...] | None = opt(
         description="SPICE kernels for images whose list names none; repeat for more."
@@ -165,7 +165,7 @@ class ExportOptions(Options):
     format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
         ...,
         min_length=1,
-        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube; repeat for more.",
+        description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube, pds4, pds4-map; repeat.",
     )
     out: Path = opt(Path("export"), description="Folder that files are written into.")
     projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")

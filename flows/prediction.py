@@ -7,8 +7,9 @@ from flows.request import Request
 from tasks.correcting import Known
 from tasks.ingest.pose_step import PredictedPose
 from tasks.ingest.step import IngestResult
-from tasks.registry import IMAGE_POSE, POSE, UNDISTORT
+from tasks.registry import IMAGE_POSE, POSE, STARS, UNDISTORT
 from tasks.scene_inputs import SceneInputs
+from tasks.stars.separate import StarOrientation
 from tasks.undistort.step import UndistortResult
 
 
@@ -23,15 +24,27 @@ def predicted_pose(chain: Chain, frame: IngestResult) -> tuple[PredictedPose, Do
     return predicted, chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
 
 
-def known_at_start(request: Request, scene: SceneInputs, predicted: PredictedPose) -> Known:
+def orientation_by_stars(chain: Chain, frame: IngestResult, predicted: PredictedPose) -> StarOrientation | None:
+    """The camera's orientation by stars; None where the user wants none looked for, or there are none. A pose found in
+    the image has no place among the stars."""
+    if not chain.request.stars or chain.request.pose_is_in_image:
+        return None
+    return chain.do(STARS, *inputs.of_stars(chain.request, frame, predicted.pose)).result.orientation
+
+
+def known_at_start(
+    request: Request, scene: SceneInputs, predicted: PredictedPose, stars: StarOrientation | None
+) -> Known:
     """What is known before the first correction. What was found in the image is looked for nowhere else."""
     priors = predicted.priors or request.profile.joint.priors.of(predicted.sources)
+    pose = predicted.pose if stars is None else stars.predicted(predicted.pose)
     return Known(
         scene,
-        predicted.pose,
-        predicted.pose,
+        pose,
+        pose,
         predicted.sources,
         priors.attitude_deg,
         search_frame=predicted.source != IN_IMAGE,
-        own_priors=predicted.priors,
+        own_priors=predicted.priors if stars is None else stars.priors(priors),
+        priors=priors if stars is None else stars.priors(priors),
     )

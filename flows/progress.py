@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, TextIO
 
 from catalog.times import now_utc
+from local_server.reachable import quietly
 
 if TYPE_CHECKING:
     from rich.progress import TaskID
@@ -207,7 +208,8 @@ def audience() -> Audience:
 def reporter(total: int, steps: int = STEPS, quiet: bool = False) -> Iterator[Reporter]:
     """The reporter that suits stderr: live on a terminal, lines elsewhere, silent when it is to be quiet."""
     if quiet:
-        yield Silent()
+        with quietly():
+            yield Silent()
     elif sys.stderr.isatty():
         with Live(total, steps) as live:
             yield live

@@ -134,6 +134,7 @@ def guidance_of(request: Request) -> dict[str, Any]:
         "start_offset_px": list(request.start_offset_px) if request.start_offset_px else None,
         "held": list(request.profile.hold),
         "mask": shown_path(request.mask) if request.mask else None,
+        "bodies": list(request.body),
         "flip": request.flip,
         "plane": request.plane,
         "summing": request.summing,

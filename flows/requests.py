@@ -17,6 +17,7 @@ from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import archive_folder
 from catalog.target import is_target_file
+from flows.guided import guided
 from flows.image_options import ImageOptions
 from flows.options import CorrectOptions, ReprocessOptions
 from flows.request import Request
@@ -87,7 +88,7 @@ def listed(options: ReprocessOptions) -> ImageList:
 
 
 def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptions, profile: Profile) -> Request:
-    """The request for one image of a list."""
+    """The request for one image of a list, with the help that people gave for it."""
 
     def here(text: str | None) -> Path | None:
         return image_list.located(text, options.archive) if text else None
@@ -101,7 +102,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
     if target and is_target_file(target):
         target = str(here(target))
     place = place_of(options.store)
-    return Request(
+    found = Request(
         image=image_list.located(entry.image, options.archive),
         product=entry.product,
         store=place.store,
@@ -119,6 +120,7 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
         profile=profile,
         cache=options.steps_cache,
     )
+    return guided(found)
 
 
 def fetch_missing(image_list: ImageList, options: ReprocessOptions) -> None:

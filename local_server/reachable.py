@@ -8,6 +8,7 @@ import time
 import urllib.error
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from urllib.parse import urlsplit
 
 from catalog.loopback import Proxy, host_of, is_loopback, open_url, proxy_for
@@ -95,12 +96,28 @@ def _remedy(url: str, aside: Sequence[Proxy]) -> str:
     return "Check --server or PREFECT_API_URL (it ends in /api), or use --server local or embedded."
 
 
+_quiet: ContextVar[bool] = ContextVar("quiet", default=False)
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Within the `with` block nothing is said of what is waited for."""
+    token = _quiet.set(True)
+    try:
+        yield
+    finally:
+        _quiet.reset(token)
+
+
 @contextmanager
 def said_when_it_takes_long(
     text: str | Callable[[], str], after_s: float = SAY_AFTER_S, every_s: float = SAY_EVERY_S
 ) -> Iterator[None]:
     """Tell the user on stderr what is waited for, and for how long by now, when the `with` block takes longer than a
-    few seconds, and again every so many. text: what is waited for; a function where that changes."""
+    few seconds, and again every so many; nothing `quietly`. text: what is waited for; a function where that changes."""
+    if _quiet.get():
+        yield
+        return
     over, began = threading.Event(), time.monotonic()
 
     def say() -> None:

@@ -7,7 +7,7 @@ modules (catalog, tasks, flows, lab, and those of this package) are private: the
 
     result = planetpose.correct("C0552809300R.IMG", "out")
     cube = planetpose.open_cube(result["cube"])
-    x, y = planetpose.pixel_of(cube, latitude_deg=10.0, longitude_deg=220.0)
+    x, y = cube.planetpose.pixel_of(10.0, 220.0)
 
 Names are imported when they are first used, so that `import planetpose` itself is quick.
 """
@@ -22,12 +22,15 @@ import planetpose_launcher
 PUBLIC = {
     "correct": "planetpose.correction",
     "Result": "planetpose.result",
-    "open_store": "tasks.publish.index",
+    "stars": "planetpose.star_search",
+    "open_store": "planetpose.cubes",
     "open_index": "tasks.publish.index",
-    "open_cube": "tasks.publish.cube",
+    "open_cube": "planetpose.cubes",
     "backplanes": "planetpose.geometry",
     "pixel_of": "planetpose.geometry",
     "place_of": "planetpose.geometry",
+    "CubeAccessor": "planetpose.accessor",
+    "Position": "tasks.position.position",
     "model_of": "tasks.publish.cube_model",
     "CubeModel": "tasks.publish.cube_model",
     "Pose": "catalog.pose",
@@ -71,20 +74,23 @@ if TYPE_CHECKING:
     from catalog.readers.reading import Reading as Reading
     from catalog.target import find_target as find_target
     from catalog.target import known_targets as known_targets
+    from planetpose.accessor import CubeAccessor as CubeAccessor
     from planetpose.correction import correct as correct
+    from planetpose.cubes import open_cube as open_cube
+    from planetpose.cubes import open_store as open_store
     from planetpose.geometry import backplanes as backplanes
     from planetpose.geometry import pixel_of as pixel_of
     from planetpose.geometry import place_of as place_of
     from planetpose.hidden import HiddenModuleWarning as HiddenModuleWarning
     from planetpose.result import Result as Result
+    from planetpose.star_search import stars as stars
     from tasks.compare.match import Match as Match
     from tasks.point.registration.base import Registration as Registration
     from tasks.point.registration.base import Shift as Shift
-    from tasks.publish.cube import open_cube as open_cube
+    from tasks.position.position import Position as Position
     from tasks.publish.cube_model import CubeModel as CubeModel
     from tasks.publish.cube_model import model_of as model_of
     from tasks.publish.index import open_index as open_index
-    from tasks.publish.index import open_store as open_store
     from tasks.simulate.photometry import Law as Law
 
     __version__: str

@@ -1,7 +1,7 @@
 """What the corrections share: what they are given, and their result as a record keeps it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self, TypeVar
 
 from pydantic import BaseModel, Field
@@ -11,6 +11,7 @@ from tasks.correction import FORMAL, Correction
 from tasks.fields import Amounts, Content, Json, PlainAmounts, PlainJson, PoseField
 from tasks.priors import PriorSettings
 from tasks.scene_inputs import SceneFiles, SceneInputs
+from tasks.stars.separate import StarOrientation
 from tasks.step import Changed, StepType
 from tasks.work import Work
 
@@ -23,7 +24,7 @@ class Known:
     attitude_prior_deg: 1-sigma of the predicted orientation, None where nothing is known of it. search_frame: whether
     the target may be anywhere in the frame. markings_match: False where an attitude step found markings in the image
     that are not the map's. image_moved: whether the image was displaced by what the disk showed of its distortion.
-    own_priors: of the predicted pose, None for those of its sources.
+    own_priors: of the predicted pose, None for those of its sources; priors: whichever hold.
     """
 
     scene: SceneInputs
@@ -35,6 +36,11 @@ class Known:
     markings_match: bool = True
     image_moved: bool = False
     own_priors: PriorSettings | None = None
+    priors: PriorSettings = field(default_factory=PriorSettings)
+
+    def separated(self, stars: StarOrientation | None) -> Self:
+        """The same with the camera as the stars have it, and the target moved in its place; itself without stars."""
+        return self if stars is None else replace(self, pose=stars.separated(self.pose, self.predicted))
 
 
 class CorrectionInputs(Content):

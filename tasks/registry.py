@@ -4,6 +4,7 @@ step is done again come from here."""
 from typing import Any
 
 from tasks.attitude.step import STEP as ATTITUDE
+from tasks.closeup.step import STEP as CLOSEUP
 from tasks.correcting import CorrectionStep
 from tasks.diagnose.step import STEP as DIAGNOSE
 from tasks.ingest.pose_step import STEP as POSE
@@ -16,13 +17,14 @@ from tasks.point.step import STEP as POINT
 from tasks.publish.step import STEP as PUBLISH
 from tasks.range.step import STEP as RANGE
 from tasks.roll.step import STEP as ROLL
+from tasks.stars.step import STEP as STARS
 from tasks.step import StepType
 from tasks.undistort.step import STEP as UNDISTORT
 from tasks.validate.step import STEP as VALIDATE
 
-CORRECTION_STEPS: tuple[CorrectionStep, ...] = (POINT, ROLL, RANGE, ATTITUDE, JOINT)
+CORRECTION_STEPS: tuple[CorrectionStep, ...] = (POINT, ROLL, RANGE, ATTITUDE, JOINT, CLOSEUP)
 STEPS: tuple[StepType[Any, Any, Any], ...] = (
-    *(INGEST, POSE, UNDISTORT, IMAGE_POSE, START),
+    *(INGEST, POSE, UNDISTORT, IMAGE_POSE, STARS, START),
     *CORRECTION_STEPS,
     *(VALIDATE, DIAGNOSE, PUBLISH, UPLOAD),
 )

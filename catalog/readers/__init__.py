@@ -11,6 +11,7 @@ from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.image_mode import ImageMode
 from catalog.observation import Frame
+from catalog.packed import is_packed, unpacked
 from catalog.plugins import READERS as GROUP
 from catalog.plugins import contributed
 from catalog.readers.beside import completed, pixel_file
@@ -19,7 +20,6 @@ from catalog.readers.fits import FitsReader
 from catalog.readers.imq import ImqReader
 from catalog.readers.isis import IsisReader
 from catalog.readers.npy import NpyReader
-from catalog.readers.packed import is_packed, unpacked
 from catalog.readers.pds3_image import Pds3Reader
 from catalog.readers.pds4 import Pds4Reader
 from catalog.readers.picture import PictureReader

@@ -39,7 +39,7 @@ def frame_of_reading(
     given_mode: ImageMode | None = None,
 ) -> Frame:
     """The Frame of a reading; `camera_name`, `target_name` and `given_mode` override the label's."""
-    name = camera_name or reading.camera or camera_of_names(reading.instrument_names)
+    name = camera_name or reading.camera or camera_of_names(reading.instrument_names, reading.image.shape[::-1])
     no_camera = None
     if name is None and reading.format == CUBE_FORMAT:
         name, no_camera = camera_carried_by(path)

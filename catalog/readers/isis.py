@@ -39,6 +39,8 @@ SATURATED_BITS = {"f4": (0xFF7FFFFE, 0xFF7FFFFF), "f8": (0xFFEFFFFFFFFFFFFE, 0xF
 # What StartTime is of where it is not the start, and seconds to add: Galileo's is the middle, Voyager's the read-out,
 # 2 s after the end (gllssi2isis, ALE's Voyager driver).
 STARTS: dict[str, Start] = {"GALILEO": ("middle", 0.0), "VOYAGER": ("end", -2.0)}
+# JunoCam's framelets: StartTime is that of the first one of the strip; the delays are longer than said (IK, v03).
+FRAMELET_BIAS_S, FRAMELET_DELAY_BIAS_S = 0.06188, 0.001
 GROUPS = ("Instrument", "Archive", "BandBin")
 FOR_PROJECTED = "Give the cube in the camera's own geometry (level 1), not a map made of it."
 
@@ -86,6 +88,7 @@ def facts_of_cube(cube: Mapping[str, Any], shape: tuple[int, int]) -> dict[str, 
     known = {isis_keyword(key): value for key, value in flat(groups).items()}
     host = str(known.get("SPACECRAFT_NAME", "")).upper()
     start = next((meaning for name, meaning in STARTS.items() if host.startswith(name)), USUAL_START)
+    start = _start_of_framelet(known) or start
     facts = {**facts_of_keywords(known, start), "label": plain_label(plain_values(known))}
     facts |= _mid_exposure(known, facts)
     alpha = cube.get("AlphaCube")
@@ -95,6 +98,16 @@ def facts_of_cube(cube: Mapping[str, Any], shape: tuple[int, int]) -> dict[str, 
     inner = facts["stated"].summing or 1  # of the frame that the cube was cut from, which AlphaCube counts in
     stated = scaled(stated, inner)
     return {**facts, "stated": stated, "sources": {**facts["sources"], "mode": stated.source}}
+
+
+def _start_of_framelet(known: Mapping[str, Any]) -> Start | None:
+    """What StartTime is of in a cube with one framelet of JunoCam, and seconds to add; None for any other cube."""
+    is_junocam = str(known.get("INSTRUMENT_ID")).upper() == "JNC"
+    place, delay_s = (number({"value": getattr(known.get(key), "value", known.get(key))}, "value") for key in
+                      ("FRAME_NUMBER", "INTER_FRAME_DELAY"))  # fmt: skip
+    if not is_junocam or place is None or delay_s is None or place < 1:
+        return None
+    return "start", FRAMELET_BIAS_S + (place - 1) * (delay_s + FRAMELET_DELAY_BIAS_S)
 
 
 def special_pixels(stored: NDArray[Any], kind: str) -> NDArray[np.uint16]:

@@ -112,7 +112,7 @@ def _pose(path: Path, header: dict[str, Any]) -> PartialPose:
     )
 
 
-def _velocities(header: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+def _velocities(header: dict[str, Any]) -> dict[str, Any]:
     """Of spacecraft and target relative to the Sun, which moves by 0.016 km/s about the barycentre at most."""
     spacecraft, sun = (_vector(header, (f"{key}X", f"{key}Y", f"{key}Z")) for key in ("SPCTSCV", "SPCTSOV"))
     if spacecraft is None or sun is None:

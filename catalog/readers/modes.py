@@ -17,7 +17,7 @@ from catalog.image_mode import FULL_FRAME, ImageMode, Window
 from catalog.observation import Quality
 from catalog.readers.label_values import number
 from catalog.readers.reading import Reading
-from catalog.readers.stated_mode import MAX_SUMMING, placed_as_flipped
+from catalog.readers.stated_mode import MAX_SUMMING, StatedMode, placed_as_flipped
 from catalog.reasons import Reason
 
 SAY_WHICH = "Say which part of the detector it shows: --window X0,Y0,WIDTH,HEIGHT in detector pixels from 0"
@@ -33,6 +33,7 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
         stated = placed_as_flipped(stated, reading.flip, size, full)
     if given is not None:
         return _checked(path, given, size, full)
+    stated = _without_contradiction(path, stated, size, full)
     if stated.summing is None and size in (full, camera.size_px):
         return FULL_FRAME
     if stated.window is not None and stated.summing is not None:
@@ -68,6 +69,19 @@ def mode_of(path: Path, reading: Reading, camera: Camera, given: ImageMode | Non
     )
 
 
+def _without_contradiction(path: Path, stated: StatedMode, size: tuple[int, int], full: tuple[int, int]) -> StatedMode:
+    """What the label states; where its keywords contradict each other, what the frame's size decides. Raises
+    RefusedError where it does not."""
+    decided = stated.decided(size, full) if stated.contradicted_by else stated
+    if not stated.contradicted_by or size == tuple(side // (decided.summing or 1) for side in full):
+        return decided
+    said = ", ".join(
+        f"{n}x{n} summing by {source}" for n, source in ((stated.summing, stated.source), *stated.contradicted_by)
+    )
+    fault = f"image {path}: its label contradicts itself ({said}), and its {size[0]}x{size[1]} pixels do not decide"
+    raise RefusedError(Reason.FRAME_MODE, f"{fault}.", "Say which it is: --summing N, and --window for a part.")
+
+
 def pixel_height(label: Mapping[str, Any]) -> float | None:
     """How high the label's pixels are, of their width; None where it does not say. They are not square in frames whose
     lines were not stretched yet (NEAR MSI): fewer lines than the camera's are then not missing."""
@@ -84,10 +98,11 @@ def remarks_of_mode(mode: ImageMode, reading: Reading) -> tuple[str, ...]:
     if mode.source == BY_SIZE:
         guess = " (lines are missing at the end)" if mode.window is not None else ""
         remarks.append(f"by the frame's size it is {mode}{guess}; give --summing and --window where that is wrong")
-    if stated.summing not in (None, mode.summing):
-        remarks.append(
-            f"the label says {stated.summing}x{stated.summing} summing ({stated.source}), it is taken as {mode}"
-        )
+    remarks += [
+        f"the label says {summing}x{summing} summing ({source}), it is taken as {mode}"
+        for summing, source in ((stated.summing, stated.source), *stated.contradicted_by)
+        if summing not in (None, mode.summing)
+    ]
     return tuple(remarks)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from itertools import product
 from typing import Any
 
-from catalog.camera import known_cameras
+from catalog.camera import Camera, known_cameras
 from catalog.readers.label_values import items
 from catalog.target import target_names
 
@@ -54,17 +54,19 @@ def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*(f"{host}/{instrument}" for host, instrument in product(hosts, instruments)), *ids]))
 
 
-def camera_of_names(names: Iterable[str]) -> str | None:
+def camera_of_names(names: Iterable[str], size_px: tuple[int, int] | None = None) -> str | None:
     """The catalog camera one of whose `label_names` is among `names`, in any case; runs of blanks, hyphens and
-    underscores count as one blank."""
+    underscores count as one blank. size_px: (nx, ny) of the picture, which chooses between cameras of one name, as
+    those of a detector and of the frames that its archive makes square."""
     found = {_normal(name) for name in names}
-    for camera in known_cameras().values():
-        names_of_camera = {_normal(name) for name in camera.label_names}
-        if camera.naif_instrument_id is not None:
-            names_of_camera.add(_normal(f"{NAIF}{camera.naif_instrument_id}"))
-        if found & names_of_camera:
-            return camera.name
-    return None
+    cameras = [camera for camera in known_cameras().values() if found & _names_of(camera)]
+    fitting = [camera for camera in cameras if size_px is not None and camera.detector_size_px == size_px]
+    return next((camera.name for camera in (*fitting, *cameras)), None)
+
+
+def _names_of(camera: Camera) -> set[str]:
+    ids = () if camera.naif_instrument_id is None else (f"{NAIF}{camera.naif_instrument_id}",)
+    return {_normal(name) for name in (*camera.label_names, *ids)}
 
 
 def _normal(name: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from catalog.flips import Flip, flipped
+from catalog.flips import Flip, flipped, geometry_as_flipped
 from catalog.pose import PartialPose
 from catalog.readers.exposure_time import UNKNOWN_TIME, ExposureTime
 from catalog.readers.names import sole_target
@@ -63,9 +63,12 @@ class Reading:
         return sole_target(self.targets)
 
     def flipped(self, flip: Flip) -> "Reading":
-        """Copy with the picture, its flags and its noise flipped."""
+        """Copy with the picture, its flags, its noise and what the label says of its places flipped."""
         quality, noise = (None if plane is None else flipped(plane, flip) for plane in (self.quality, self.noise))
-        return replace(self, image=flipped(self.image, flip), quality=quality, noise=noise, flip=flip)
+        lines, samples = self.image.shape
+        geometry = self.label_geometry and geometry_as_flipped(self.label_geometry, flip, (lines, samples))
+        image = flipped(self.image, flip)
+        return replace(self, image=image, quality=quality, noise=noise, label_geometry=geometry, flip=flip)
 
 
 class Reader(Protocol):

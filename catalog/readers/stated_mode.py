@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -31,13 +31,24 @@ MAX_SUMMING = 32
 class StatedMode:
     """What a label says. summing: detector pixels along a side of an image pixel, None where it says nothing. window:
     (x0, y0, width, height) in detector pixels, 0-based. first: only (x0, y0) is known. detector: size (nx, ny) of the
-    whole detector. source: keywords."""
+    whole detector. source: keywords. contradicted_by: other summings that the label states, and their keywords."""
 
     summing: int | None = None
     window: Window | None = None
     first: tuple[int, int] | None = None
     detector: tuple[int, int] | None = None
     source: str = ""
+    contradicted_by: tuple[tuple[int, str], ...] = ()
+
+    def decided(self, size_px: tuple[int, int], detector_px: tuple[int, int]) -> "StatedMode":
+        """Of summings that contradict each other, the one that makes a frame of this size, (nx, ny); itself where none
+        or several do."""
+        stated = [] if self.summing is None else [(self.summing, self.source), *self.contradicted_by]
+        fitting = [each for each in stated if size_px == tuple(side // each[0] for side in detector_px)]
+        if len({summing for summing, _ in fitting}) != 1:
+            return self
+        others = tuple(each for each in stated if each[0] != fitting[0][0])
+        return replace(self, summing=fitting[0][0], source=fitting[0][1], contradicted_by=others)
 
 
 UNSTATED = StatedMode()
@@ -45,9 +56,12 @@ UNSTATED = StatedMode()
 
 def stated_mode(label: Mapping[str, Any]) -> StatedMode:
     """Summing and the window's first pixel out of a flat label's keywords."""
-    summing, keyword = _summing(label)
+    summings = list(_summings(label))
+    summing, keyword = summings[0] if summings else (None, "")
     first, keywords = _first(label)
-    return StatedMode(summing=summing, first=first, source=" and ".join(k for k in (keyword, keywords) if k))
+    others = tuple(each for each in summings[1:] if each[0] != summing)
+    source = " and ".join(k for k in (keyword, keywords) if k)
+    return StatedMode(summing=summing, first=first, source=source, contradicted_by=others)
 
 
 def mode_of_alpha_cube(alpha: Mapping[str, Any], shape: tuple[int, int]) -> StatedMode:
@@ -129,29 +143,36 @@ def mode_of_fits_header(header: Mapping[str, Any]) -> StatedMode:
 
 
 def _summing(label: Mapping[str, Any]) -> tuple[int | None, str]:
+    return next(_summings(label), (None, ""))
+
+
+def _summings(label: Mapping[str, Any]) -> Iterator[tuple[int, str]]:
+    """Every summing that a label states, with its keyword, in the order in which they count."""
     for key in MODE_WORDS:
         word = str(label.get(key) or "").upper()
         match = MODE_WORD.search(word) or SQUARE.match(word)
-        if match:
-            return _sane(int(match.group(1))), key
-        if SUMMED_WORD.search(word.replace("_", " ")):
-            return 2, key
+        if match and _sane(int(match.group(1))):
+            yield int(match.group(1)), key
+        elif not match and SUMMED_WORD.search(word.replace("_", " ")):
+            yield 2, key
     for key in TELEMETRY:
         if str(label.get(key) or "").strip().upper() in HALF_SIZE_TELEMETRY:
-            return 2, key
+            yield 2, key
     if number(label, "FPU_BINNING_MODE") is not None:  # MESSENGER: on the detector, and afterwards
         on_chip = 2 if number(label, "FPU_BINNING_MODE") == 1 else 1
         later = int(number(label, "PIXEL_BINNING_MODE") or 0) or 1
-        return _sane(on_chip * later), "FPU_BINNING_MODE and PIXEL_BINNING_MODE"
+        if _sane(on_chip * later):
+            yield on_chip * later, "FPU_BINNING_MODE and PIXEL_BINNING_MODE"
+        return  # its other keywords state one of the two
     for key in SUMMINGS:
         value = label.get(key)
         if isinstance(value, str):
             square = SQUARE.match(value) or re.match(r"^\s*(\d{1,2})(?:\s+\1)?\s*$", value)
             value = int(square.group(1)) if square else None
         sizes = [number({"n": each}, "n") for each in items(value)]
-        if sizes and sizes[0] is not None and sizes[0] >= 1 and len(set(sizes)) == 1 and sizes[0] == int(sizes[0]):
-            return _sane(int(sizes[0])), key
-    return None, ""
+        size = sizes[0] if len(set(sizes)) == 1 else None
+        if size is not None and size == int(size) and _sane(int(size)):
+            yield int(size), key
 
 
 def _sane(summing: int) -> int | None:

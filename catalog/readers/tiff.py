@@ -9,6 +9,7 @@ data value, are MISSING.
 import struct
 import warnings
 from collections.abc import Iterator
+from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -44,17 +45,25 @@ class TiffReader:
         return head.startswith(MAGIC)
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
-        """Pixels of one grey picture. Raises RefusedError for several bands or pages, and damage."""
+        """Pixels of one grey picture, of several bands or pages the one that is named. Raises RefusedError where it is
+        not, and for damage."""
         from rasterio._err import CPLE_BaseError  # what properties of a damaged file raise
         from rasterio.errors import RasterioError
         from rasterio.io import MemoryFile
 
         content = read_regular(path)  # from memory: GDAL neither sees the path's syntax nor the files beside it
-        tags = _first_directory(path, content)
+        pages = _pages(path, content)
         try:
-            with warnings.catch_warnings():
+            with warnings.catch_warnings(), ExitStack() as opened:
                 warnings.simplefilter("ignore")
-                with MemoryFile(content) as file, file.open(driver="GTiff") as picture:
+                file = opened.enter_context(MemoryFile(content))
+                remarks: tuple[str, ...] = ()
+                if len(pages) > 1:
+                    tags, picture, band = _page(path, file.name, pages, plane, opened)
+                    pixels, quality = _grey_pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1), band)
+                else:
+                    tags = pages[0][1] if pages else {}
+                    picture = opened.enter_context(file.open(driver="GTiff"))
                     pixels, quality, remarks = _pixels(path, picture, tags.get(PHOTOMETRIC_TAG, 1), plane)
         except (RasterioError, CPLE_BaseError, OSError, ValueError, TypeError, LookupError, ArithmeticError) as error:
             raise unreadable(path, f"no sound TIFF ({' '.join(str(error).split())})") from error
@@ -146,7 +155,7 @@ def _directories(content: bytes) -> Iterator[dict[int, int]]:
                 for entry in entries
             }
             (place,) = struct.unpack_from(order + word, content, first + count * entry_bytes)
-    except struct.error:
+    except (struct.error, OverflowError):  # beyond the file, or beyond what an offset can be
         return  # GDAL tells what is wrong
 
 
@@ -156,14 +165,36 @@ def _value(content: bytes, entry: int, order: str, value_at: int) -> int:
     return found
 
 
-def _first_directory(path: Path, content: bytes) -> dict[int, int]:
-    """Tags of the only picture; smaller copies and masks of it, which may follow, do not count."""
+def _pages(path: Path, content: bytes) -> list[tuple[int, dict[int, int]]]:
+    """Number in the file (from 1) and tags of every picture; smaller copies and masks of it do not count."""
     directories = list(islice(_directories(content), MAX_DIRECTORIES))
-    pages = [tags for tags in directories[1:] if not tags.get(SUBFILE_TAG, 0) & REDUCED_OR_MASK]
-    if pages or len(directories) == MAX_DIRECTORIES:
-        fault = f"image {path}: it has several pages ({len(pages) + 1} or more)."
+    if len(directories) == MAX_DIRECTORIES:
+        fault = f"image {path}: it has {MAX_DIRECTORIES} pages or more."
         raise RefusedError(Reason.IMAGE_NOT_2D, fault, "Give one picture.")
-    return directories[0] if directories else {}
+    return [
+        (number, tags)
+        for number, tags in enumerate(directories, 1)
+        if number == 1 or not tags.get(SUBFILE_TAG, 0) & REDUCED_OR_MASK
+    ]
+
+
+def _page(
+    path: Path, name: str, pages: list[tuple[int, dict[int, int]]], plane: str | None, opened: ExitStack
+) -> tuple[dict[int, int], Any, int]:
+    """Of several pages the one that the user means: its tags, picture and band."""
+    import rasterio
+
+    found, names = [], []
+    for number, tags in pages:
+        picture = opened.enter_context(rasterio.open(f"GTIFF_DIR:{number}:{name}", driver="GTiff"))
+        if picture.count > MAX_BANDS:
+            raise unreadable(path, f"it has {picture.count} bands")
+        bands = [band for band, role in enumerate(picture.colorinterp, 1) if role.name != "alpha"]
+        found += [(tags, picture, band) for band in bands]
+        names += [f"page {number}" + (f" band {band}" if len(bands) > 1 else "") for band in bands]
+    tags, picture, band = found[chosen_plane(path, names, plane)]
+    checked_shape(path, picture.height, picture.width)
+    return tags, picture, band
 
 
 def _upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:

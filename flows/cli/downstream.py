@@ -1,5 +1,4 @@
-"""planetpose adjust, check, control, export, fetch, kernels, mosaic, photometry, report: the commands on lists and
-stores."""
+"""planetpose adjust, check, control, export, photometry, stars and others: the commands on lists and stores."""
 
 import sys
 from functools import partial
@@ -20,6 +19,7 @@ from flows.options import (
     PhotometryOptions,
     ReportOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from flows.commands import Row
@@ -43,6 +43,8 @@ def register(app: typer.Typer) -> None:
     add_command(app, FetchOptions, fetch)
     add_command(app, KernelsOptions, kernels)
     add_command(app, ReportOptions, report)
+    add_command(app, StarsOptions, stars)
+    add_command(app, AstrometryOptions, astrometry)
 
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
@@ -67,10 +69,22 @@ def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) ->
         print(f"{item.source} -> {archive / item.path}")
 
 
+def astrometry(options: AstrometryOptions, json: Json = False) -> None:
+    """See `flows.commands.astrometry`."""
+    refuse_useless_kernels(options.kernels)
+    answer("astrometry", options, json)
+
+
 def kernels(options: KernelsOptions, json: Json = False) -> None:
     """See `flows.commands.kernels`."""
     refuse_useless_kernels(options.kernels)
     answer("kernels", options, json)
+
+
+def stars(options: StarsOptions, json: Json = False) -> None:
+    """See `flows.commands.stars`."""
+    refuse_useless_kernels(options.kernels)
+    answer("stars", options, json)
 
 
 def report(options: ReportOptions, quiet: Quiet = False) -> None:

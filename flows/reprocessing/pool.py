@@ -24,7 +24,7 @@ from tasks.atomic import sweep_temporaries
 Message = dict[str, Any]
 Tell = Callable[[Message], None]
 PROCESS_NAME = "planetpose-image"
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
 LOOK_EVERY_S = 1.0
 END_TIMEOUT_S = 5.0
 RECYCLE_AT = 0.6  # of the memory that an image may take: a process that keeps as much is replaced
@@ -40,12 +40,12 @@ class LostError(Exception):
 
 
 class Worker:
-    """One process. threads: that its libraries may use. target: what it runs."""
+    """One process. threads: that Mitsuba and OpenCV may use; those of BLAS would only wait. target: what it runs."""
 
     def __init__(self, threads: int = 1, target: Callable[..., None] = work) -> None:
         multiprocessing.current_process().daemon = False  # Dask's are, which may have no children
         self._connection, theirs = get_context("loky").Pipe()
-        environment = {**dict.fromkeys(THREADS, str(threads)), "PYTHONSAFEPATH": "1"}
+        environment = {**ONE_THREAD, "OPENCV_FOR_THREADS_NUM": str(threads), "PYTHONSAFEPATH": "1"}
         self._process = get_context("loky").Process(
             target=target, args=(theirs, threads), name=PROCESS_NAME, env=environment, daemon=True
         )

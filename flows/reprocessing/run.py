@@ -12,6 +12,7 @@ from typing import Any
 
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
+from catalog.settings import default_kernels
 from catalog.spice import KernelLists
 from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions, absolute
@@ -153,13 +154,19 @@ def finish(run: Run) -> dict[str, Any]:
         **run.tally.summary(),
         "too_many_failed": run.too_many_failed,
         "cache_freed_mb": round(freed / 1e6, 1),
-        "parameters": options.model_dump(mode="json", exclude={"dry_run"}),
+        "parameters": parameters_of(options),
     }
     try:
         summary["table"] = str(write_tables(options, run.name, summary, rows_of(run)))
     except OSError as error:
         logger.error("the table of %s was not written: %s", options.store, error)
     return summary
+
+
+def parameters_of(options: ReprocessOptions) -> dict[str, Any]:
+    """The options as plain JSON, with the kernels that this shell's environment stands for: another one has others."""
+    kernels = [str(absolute(path)) for path in options.kernels or default_kernels()]
+    return options.model_dump(mode="json", exclude={"dry_run"}) | {"kernels": kernels}
 
 
 def index_published(options: ReprocessOptions) -> None:

@@ -1,13 +1,16 @@
-"""planetpose benchmark projection|mesh|steps|index|fuzz|batches|honesty|faults|reprocess|deploy|throughput"""
+"""planetpose benchmark NAME: what the program is measured by on this machine."""
 
 from typing import Annotated
 
 import typer
 
+from lab.bodies.command import bodies
+from lab.closeup.command import closeup
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
 from lab.rehearsal.command import deploy, throughput
+from lab.stars.command import stars
 
 
 def register(app: typer.Typer) -> None:
@@ -21,10 +24,13 @@ def register(app: typer.Typer) -> None:
     group.command()(fuzz)
     group.command()(batches)
     group.command()(honesty)
+    group.command()(bodies)
+    group.command()(closeup)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)
     group.command()(throughput)
+    group.command()(stars)
     app.add_typer(group, name="benchmark")
 
 
@@ -68,16 +74,22 @@ def mesh(
 
 def steps(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
-    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "paper",
+    profile: Annotated[str, typer.Option(help="Methods and settings of the steps: a name, or FILE.toml.")] = "paper",
+    image: Annotated[
+        str, typer.Option(help="disk-224 or disk-900 (px in 1024x1024), galileo or io (real, of PLANETPOSE_DATA).")
+    ] = "disk-224",
+    repeat: Annotated[int, typer.Option(min=1, max=100, help="Median of REPEAT runs after the first.")] = 1,
 ) -> None:
-    """Time every step of a profile for a 224-px disk in a 1024x1024 frame on one core, and the flow of such frames."""
+    """Time every step of a profile for one image on one core against its bar, and the flow of 1024x1024 frames."""
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, write_json
-    from lab.benchmark.steps import benchmark_steps
+    from lab.benchmark.steps import IMAGES, benchmark_steps
 
     usable_profile(profile, None)
+    if image not in IMAGES:
+        raise typer.BadParameter(f"{image!r} is none of {', '.join(IMAGES)}.")
     with clean_stdout() as answer:
-        figures = benchmark_steps(profile)
+        figures = benchmark_steps(profile, image, repeat)
         if json:
             write_json(answer, figures)
         else:

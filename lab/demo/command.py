@@ -39,13 +39,13 @@ def demo(
     from local_server.prefect_settings import server_choice
     from tasks.profile import Profile
 
-    def run(requests: "list[Request]", told: "Reporter") -> list[dict[str, Any]]:
-        return run_requests(requests, server_choice(server), workers, told, lambda _: None)
+    def run(requests: "list[Request]", reported: "Reporter") -> list[dict[str, Any]]:
+        return run_requests(requests, server_choice(server), workers, reported, lambda _: None)
 
     started = time.monotonic()
     log_to_stderr()
-    with clean_stdout() as answer, reporter(6, Profile().passes * 3 + 5, quiet) as told:
-        rows = run_demo(folder, run, told)
+    with clean_stdout() as answer, reporter(6, Profile().passes * 3 + 5, quiet) as reported:
+        rows = run_demo(folder, run, reported)
         if json:
             for row in rows:
                 write_json(answer, row.to_dict())

@@ -79,11 +79,13 @@ def _sigmas(summary: Summary) -> list[str]:
         if group["camera"] != ALL:
             continue
         known = {kind: share for kind, share in group["sigmas"].items() if share}
-        told = ", ".join(
+        reported = ", ".join(
             f"{kind} {share['within_1']:.0%} and {share['within_2']:.0%} of {share['components']}"
             for kind, share in known.items()
         )
-        lines.append(f"{group['profile']}: within 1 and 2 sigma (68 % and 95 % expected): {told or 'no uncertainties'}")
+        lines.append(
+            f"{group['profile']}: within 1 and 2 sigma (68 % and 95 % expected): {reported or 'no uncertainties'}"
+        )
     return lines
 
 

@@ -39,7 +39,7 @@ def reprocess(
         Path | None,
         typer.Option(help="Image list. Default: the 57 images of `planetpose simulate europa57`, made anew."),
     ] = None,
-    profile: Annotated[str, typer.Option(help="Which bricks: a name, or FILE.toml.")] = "standard",
+    profile: Annotated[str, typer.Option(help="Methods and settings of the steps: a name, or FILE.toml.")] = "standard",
     workers: Annotated[int, typer.Option(min=1, help="Images at a time.")] = 2,
     small: Annotated[int, typer.Option(min=0, help="Small images; 0: leave them out.")] = 2000,
     archive: Annotated[

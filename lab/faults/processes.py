@@ -24,7 +24,7 @@ KEPT_EVENTS = 2000
 
 
 class Command:
-    """`planetpose reprocess ... --log-json --json`, started. events: the last ones that it told; stamps: when it told
+    """`planetpose reprocess ... --log-json --json`, started. events: the last ones that it sent; stamps: when it sent
     them, by kind; noise: what was none. limit_bytes: no file may grow
     larger."""
 

@@ -127,8 +127,8 @@ def ended(command: Command) -> str:
         return "HUNG, was killed"
     summary = command.summary
     if summary is None:
-        told = [event["text"] for event in command.events if event.get("level") == "error"] or command.noise
-        return f"exit {status} after {time.monotonic() - started:.1f} s: {' '.join(told[-1:])[:160]}"
+        reported = [event["text"] for event in command.events if event.get("level") == "error"] or command.noise
+        return f"exit {status} after {time.monotonic() - started:.1f} s: {' '.join(reported[-1:])[:160]}"
     counts = ", ".join(f"{count} {name}" for name, count in summary["status"].items() if count)
     codes = ", ".join(summary["codes"])
     return f"exit {status}: {counts}" + (f" ({codes})" if codes else "")

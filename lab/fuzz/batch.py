@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalog.plain_text import shown_path
+from flows.guided import REQUESTS
 from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
@@ -99,13 +100,13 @@ def run_batch(ground: Ground, number: int, seed: int) -> dict[str, Any]:
     if took.get(place, 0.0) > LONGEST_S:
         faults.append(f"it took {took[place]:.1f} s")
     shutil.rmtree(folder, ignore_errors=True)
-    told = {"spoil": spoil_of(number), "status": bad.get("status"), "reason": bad.get("reason")}
-    return {**told, "seconds": round(took.get(place, 0.0), 3), "faults": faults}
+    reported = {"spoil": spoil_of(number), "status": bad.get("status"), "reason": bad.get("reason")}
+    return {**reported, "seconds": round(took.get(place, 0.0), 3), "faults": faults}
 
 
 def corrected(requests: list[Request], place: int, spoilt: Spoilt, took: dict[int, float]) -> list[Result]:
     """Results of the requests as the command `correct` tells them; `took` gets the seconds of each that needs work."""
-    told: list[Result] = []
+    reported: list[Result] = []
 
     def run_step(position: int, step: AnyStep, progress: Progress) -> Record:
         if position == place:
@@ -118,8 +119,8 @@ def corrected(requests: list[Request], place: int, spoilt: Spoilt, took: dict[in
             ordered.put(position, one_result(request, Silent(), run_step=partial(run_step, position)))
             took[position] = time.monotonic() - started
 
-    run_requests(requests, "none", 1, Silent(), told.append, without_prefect)
-    return told
+    run_requests(requests, "none", 1, Silent(), reported.append, without_prefect)
+    return reported
 
 
 def faults_of(requests: list[Request], results: list[Result], place: int, spoilt: Spoilt) -> Iterator[str]:
@@ -140,7 +141,7 @@ def faults_of(requests: list[Request], results: list[Result], place: int, spoilt
         else:
             yield from faults_of_reason(result, spoilt)
     there = {path.name for path in store.iterdir()} if store.is_dir() else set()
-    known = published | {"index.parquet", ".index.lock"}
+    known = published | {"index.parquet", ".index.lock", REQUESTS}
     if there - known or published - there:
         yield f"the store holds {sorted(there)} for {sorted(published)}"
     if published != set(open_index(store)["product"]):

@@ -1,4 +1,4 @@
-"""Batches by the hundred, each with one image that spoils it: is anything lost, hung, or told without a reason?"""
+"""Batches by the hundred, each with one image that spoils it: is anything lost, hung, or reported without a reason?"""
 
 import tempfile
 from collections import Counter, defaultdict
@@ -66,11 +66,11 @@ def table(found: Spoiled) -> str:
         f"{spoil:32s} " + ", ".join(f"{n} {status}" for status, n in counts.items())
         for spoil, counts in found.by_spoil.items()
     ]
-    told = found.to_dict()
-    counts = ", ".join(f"{count} {status}" for status, count in told["total"].items())
+    reported = found.to_dict()
+    counts = ", ".join(f"{count} {status}" for status, count in reported["total"].items())
     lines += [
         "",
-        f"{told['batches']} batches: {counts}; slowest {found.slowest_s:.2f} s; {len(found.bad)} bad",
+        f"{reported['batches']} batches: {counts}; slowest {found.slowest_s:.2f} s; {len(found.bad)} bad",
     ]
     for bad in found.bad:
         what = "; ".join(bad.get("faults", [])) or str(bad["reason"])[-600:]

@@ -50,7 +50,7 @@ def correct_damaged(
             )
         for damaged in damaged_files([original], TRIES_PER_RESULT * count, seed, place):
             if is_read(damaged.path):
-                judge(verdicts, damaged, corrected(damaged.path, place, passes), sound, tell)
+                classify(verdicts, damaged, corrected(damaged.path, place, passes), sound, tell)
             if verdicts.counts.total() == count:
                 break
     return verdicts
@@ -72,18 +72,18 @@ def corrected(image: Path, folder: Path, passes: int) -> dict[str, Any]:
     return one_result(request, Silent(), run_step=run)
 
 
-def judge(
+def classify(
     verdicts: Verdicts, damaged: Damaged, result: dict[str, Any], sound: dict[str, Any], tell: Callable[[str], None]
 ) -> None:
     """Count one result."""
-    status, told = result["status"], ""
+    status, reported = result["status"], ""
     if status == "ok":
         x, y = (a - b for a, b in zip(result["centre_px"], sound["centre_px"], strict=True))
         distance_px = float((x * x + y * y) ** 0.5)
         verdicts.furthest_px = max(verdicts.furthest_px, distance_px)
-        told = f"{distance_px:.2f} px away"
+        reported = f"{distance_px:.2f} px away"
         if distance_px > RIGHT_PX:
             status = "wrong ok"
             verdicts.wrong.append({"damage": damaged.damage, "file": damaged.path.name, "distance_px": distance_px})
     verdicts.counts[status] += 1
-    tell(f"{damaged.path.name} ({damaged.damage}): {status} {told or result['reason']}")
+    tell(f"{damaged.path.name} ({damaged.damage}): {status} {reported or result['reason']}")

@@ -64,15 +64,15 @@ def stated_covariance(uncertainty: Mapping[str, Any], covariance: Any) -> Array:
 def with_sigmas(error: Array, covariance: Array) -> Row:
     """An error (n,) with its sigmas and z, component by component, and its distance in sigmas along the worst
     direction; None where they are not stated."""
-    told: Row = {"error": error.tolist(), "size": float(np.linalg.norm(error))}
+    reported: Row = {"error": error.tolist(), "size": float(np.linalg.norm(error))}
     sigmas = np.sqrt(np.diag(covariance))
     if not (np.isfinite(covariance).all() and (sigmas > 0).all()):
-        return told | {"sigma": None, "z": None, "mahalanobis": None}
+        return reported | {"sigma": None, "z": None, "mahalanobis": None}
     unit = covariance / np.outer(sigmas, sigmas)
     scaled = error / sigmas
     squared = float(scaled @ np.linalg.pinv(unit, rcond=1e-9, hermitian=True) @ scaled)
     distance = float(np.sqrt(max(squared, 0.0)))
-    return told | {"sigma": sigmas.tolist(), "z": scaled.tolist(), "mahalanobis": distance}
+    return reported | {"sigma": sigmas.tolist(), "z": scaled.tolist(), "mahalanobis": distance}
 
 
 def orientation(

@@ -131,7 +131,7 @@ def planted_errors(scene: Scene) -> dict[str, Any]:
 
 def predicted_geometry(scene: Scene, true: Geometry, errors: dict[str, Any]) -> Geometry:
     """What the metadata say. Of a wrong target the range is such that its disk has the size that is seen, unless the
-    true range is told."""
+    true range is stated."""
     random = random_of(scene, 2)
     dx, dy = errors["offset_px"]
     sight = true.camera_from_j2000 @ true.target_from_spacecraft_km
@@ -141,8 +141,8 @@ def predicted_geometry(scene: Scene, true: Geometry, errors: dict[str, Any]) -> 
     angle = np.degrees(np.arctan2(np.linalg.norm(axis), sight @ moved))
     camera = turn(moved, errors["roll_deg"]) @ turn(axis, float(angle)) @ true.camera_from_j2000
     factor = errors["range_factor"]
-    if scene.told is not None and not scene.same_range:
-        factor *= find_target(scene.told).mean_radius_km / find_target(scene.target).mean_radius_km
+    if scene.reported is not None and not scene.same_range:
+        factor *= find_target(scene.reported).mean_radius_km / find_target(scene.target).mean_radius_km
     attitude = np.asarray(errors["attitude_deg"])
     size = float(np.linalg.norm(attitude))
     body = turn(attitude, size) @ true.body_from_j2000 if size else true.body_from_j2000

@@ -198,14 +198,14 @@ def write_scene(scene: Scene, folder: Path) -> tuple[Files, dict[str, Any]]:
 
 
 def range_scale(scene: Scene) -> float:
-    """The range that the seen size means for the told target, over the true one."""
-    if scene.told is None:
+    """The range that the seen size means for the stated target, over the true one."""
+    if scene.reported is None:
         return 1.0
-    return find_target(scene.told).mean_radius_km / find_target(scene.target).mean_radius_km
+    return find_target(scene.reported).mean_radius_km / find_target(scene.target).mean_radius_km
 
 
 def given_map(scene: Scene, folder: Path) -> Path | None:
-    """The map that the correction is given; None where it is the told target's own, or none."""
+    """The map that the correction is given; None where it is the stated target's own, or none."""
     from catalog.basemap import packaged_map_path
 
     if scene.given.endswith(".jpg"):

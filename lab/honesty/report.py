@@ -131,7 +131,7 @@ def planted(row: Row) -> str:
     """What was planted, in a few words."""
     scene, errors = row["scene"], row["truth"]["planted"]
     words = [
-        f"{scene['target']}" + (f" told {scene['told']}" if scene["told"] else ""),
+        f"{scene['target']}" + (f" named {scene['reported']}" if scene["reported"] else ""),
         f"r {scene['radius_px']:.0f} px, phase {scene['phase_deg']:.0f}, {law_of(scene)}, {scene['lens']}",
         f"offset {np.hypot(*errors['offset_px']):.0f} px, range {100 * (errors['range_factor'] - 1):+.1f} %, "
         f"attitude {np.linalg.norm(errors['attitude_deg']):.1f} deg",

@@ -184,7 +184,7 @@ def run_scene(job: Job) -> Row:
         store=job.folder / "out",
         cache=job.folder / "cache",
         camera=str(files.camera),
-        target=job.scene.told_target,
+        target=job.scene.stated_target,
         pose_file=files.pose,
         basemap=files.map,
         kernels=(),
@@ -209,5 +209,5 @@ def run_scene(job: Job) -> Row:
 
 def covariance_of(chain: "Chain") -> Any:
     """The covariance that the last step which tells one has in its evidence."""
-    told = [done.record.result.get("evidence", {}).get("covariance") for done in chain.done.values()]
-    return next((matrix for matrix in reversed(told) if matrix is not None), None)
+    reported = [done.record.result.get("evidence", {}).get("covariance") for done in chain.done.values()]
+    return next((matrix for matrix in reversed(reported) if matrix is not None), None)

@@ -50,7 +50,7 @@ class Other:
 class Scene:
     """One image and its metadata; together with `seed` it says everything.
 
-    target: what is seen; told: what the metadata call it. lens: a key of LENSES; frame_px: side of the square frame
+    target: what is seen; reported: what the metadata call it. lens: a key of LENSES; frame_px: side of the square frame
     (a sub-frame about the boresight where smaller than the lens's). radius_px, phase_deg: as seen. centre: the target's
     centre in the frame, as shares of its side; None draws it near the middle. law, parameters: the surface's. surface:
     `map` (the packaged map with errors), `procedural`, `shuffled` (markings of another seed), or the name of another
@@ -65,7 +65,7 @@ class Scene:
     group: str
     seed: int
     target: str = "europa"
-    told: str | None = None
+    reported: str | None = None
     lens: str = "lorri"
     frame_px: int = 512
     radius_px: float = 100.0
@@ -99,14 +99,14 @@ class Scene:
     others: tuple[Other, ...] = ()
 
     @property
-    def told_target(self) -> str:
+    def stated_target(self) -> str:
         """What the metadata call the target."""
-        return self.told or self.target
+        return self.reported or self.target
 
     @property
     def is_foreign(self) -> bool:
         """Whether no corrected pose can be right: another body, or a mirror image."""
-        return self.told_target != self.target or self.picture.startswith("mirrored")
+        return self.stated_target != self.target or self.picture.startswith("mirrored")
 
     @property
     def in_frame(self) -> float:
@@ -126,7 +126,7 @@ class Scene:
         or more, phase angle at most 130 deg, half of it in the frame, metadata within 2 sigmas of their priors,
         optics within what cameras differ by (PSF 0.6-1.6 of the nominal width, an axis ratio of 1.25, wings), a
         detector linear to 5 %, at most a fiftieth of the disk saturated, the relief of a round body, a map of the body
-        that is right to 10 %, or none and told so; no other body on the disk or at its limb."""
+        that is right to 10 %, or none, and the pose file says so; no other body on the disk or at its limb."""
         metadata = (
             not self.is_foreign
             and self.picture == "as-is"

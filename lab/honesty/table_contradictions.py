@@ -50,9 +50,9 @@ def wrong_target(random: Draw) -> Iterator[Fields]:
         ("tethys", "europa"),
         ("io", "europa"),
     ]
-    for place, (target, told) in enumerate(pairs):
+    for place, (target, reported) in enumerate(pairs):
         surface = "map" if target in ("ganymede", "io", "europa", "callisto", "enceladus") else "procedural"
-        fields = usual(random, place, told=told, surface=surface, given="map", same_range=place >= 14)
+        fields = usual(random, place, reported=reported, surface=surface, given="map", same_range=place >= 14)
         yield fields | {"target": target, "radius_px": random.uniform(30, 100)}
 
 

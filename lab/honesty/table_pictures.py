@@ -84,7 +84,7 @@ def focal_length(random: Draw) -> Iterator[Fields]:
 
 @group
 def relief(random: Draw) -> Iterator[Fields]:
-    """Bodies whose smooth relief (RMS over the radius) nobody told."""
+    """Bodies whose smooth relief (RMS over the radius) is not in the file of the target."""
     for place, height in enumerate((0.01, 0.01, 0.02, 0.02, 0.03, 0.03, 0.05, 0.05, 0.07, 0.07, 0.1, 0.1)):
         unmapped: Fields = {"target": "mimas", "surface": "procedural", "given": "none"}
         yield usual(random, place, radius_px=random.uniform(40, 110), relief=height, **(unmapped if place % 2 else {}))

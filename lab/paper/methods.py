@@ -1,4 +1,4 @@
-"""Real images by every registration: the same paper profile, one brick exchanged."""
+"""Real images by every registration: the same paper profile, one method exchanged."""
 
 from typing import Any
 

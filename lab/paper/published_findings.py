@@ -7,7 +7,7 @@ import numpy as np
 
 from lab.paper.published_geometry import Neighbours, PublishedDifference
 
-BELIEVABLE_DEG = 5.0
+PLAUSIBLE_DEG = 5.0
 LONGITUDE_STEP_DEG, ENOUGH_IMAGES = 60, 3
 
 
@@ -20,7 +20,7 @@ def findings(found: Sequence[PublishedDifference], pairs: Sequence[Neighbours], 
         f"Trajectories and rotation model cover {sum(each.range_factor is not None for each in found)} of the "
         f"{len(found)} images, C-kernels {known}"
         + (": the published camera orientation itself has nothing to be compared with here." if known == 0 else "."),
-        f"{len(alone)} images carry the attitude of SPICE at the time of exposure: {told_angles(alone)}. Their optical "
+        f"{len(alone)} images carry the attitude of SPICE at the time of exposure: {angles_text(alone)}. Their optical "
         "flow was not used, or found nothing.",
     ]
     sigma = sigmas["one_image_sigma_deg"]
@@ -38,7 +38,7 @@ def findings(found: Sequence[PublishedDifference], pairs: Sequence[Neighbours], 
     return said + about_the_pole(found)
 
 
-def told_angles(alone: Sequence[PublishedDifference]) -> str:
+def angles_text(alone: Sequence[PublishedDifference]) -> str:
     """How far attitudes that were left alone differ from SPICE's at the time when the light left, and why."""
     angles = np.array([each.turn_angle_deg for each in alone], float)
     if angles.size == 0:
@@ -51,11 +51,11 @@ def told_angles(alone: Sequence[PublishedDifference]) -> str:
 def about_the_pole(found: Sequence[PublishedDifference]) -> list[str]:
     """What turns about the pole say: those of LORRI, and of sides of Europa seen with the Sun in the east and west."""
     said = []
-    lorri = [each for each in found if each.image.camera == "newhorizons-lorri" and is_believable(each)]
+    lorri = [each for each in found if each.image.camera == "newhorizons-lorri" and is_plausible(each)]
     if lorri:
         axes = np.array([each.turn_in_body_deg for each in lorri])
         said.append(
-            f"LORRI's {len(lorri)} turns below {BELIEVABLE_DEG:.0f} deg are about Europa's pole and nothing else: "
+            f"LORRI's {len(lorri)} turns below {PLAUSIBLE_DEG:.0f} deg are about Europa's pole and nothing else: "
             f"{axes[:, 2].min():+.2f} to {axes[:, 2].max():+.2f} deg, eastward, against at most "
             f"{np.abs(axes[:, :2]).max():.2f} deg about the other axes."
         )
@@ -63,27 +63,27 @@ def about_the_pole(found: Sequence[PublishedDifference]) -> list[str]:
         near = [
             e
             for e in found
-            if is_believable(e) and _apart_deg(e.sub_spacecraft_deg[1], middle) <= LONGITUDE_STEP_DEG / 2
+            if is_plausible(e) and _apart_deg(e.sub_spacecraft_deg[1], middle) <= LONGITUDE_STEP_DEG / 2
         ]
         west, east = (
             [float(e.turn_in_body_deg[2]) for e in near if e.turn_in_body_deg is not None and e.sun_in_east == in_east]
             for in_east in (False, True)
         )
         if min(len(west), len(east)) >= ENOUGH_IMAGES:
-            said.append(f"Around {middle} deg east, {told_sides(west, east)}")
+            said.append(f"Around {middle} deg east, {sides_text(west, east)}")
     return said
 
 
-def is_believable(each: PublishedDifference) -> bool:
+def is_plausible(each: PublishedDifference) -> bool:
     """Whether the attitude was corrected, and by no outlier."""
-    return each.turned and (each.turn_angle_deg or 0.0) < BELIEVABLE_DEG
+    return each.turned and (each.turn_angle_deg or 0.0) < PLAUSIBLE_DEG
 
 
 def _apart_deg(a: float, b: float) -> float:
     return abs((a - b + 180) % 360 - 180)
 
 
-def told_sides(west: Sequence[float], east: Sequence[float]) -> str:
+def sides_text(west: Sequence[float], east: Sequence[float]) -> str:
     """How far markings were moved east with the Sun in the west and in the east, and what is common to both."""
     middles = np.median(west), np.median(east)
     error = np.hypot(*(np.std(group, ddof=1) / np.sqrt(len(group)) for group in (west, east))) / 2

@@ -27,8 +27,8 @@ def deploy(
             write_json(answer, found)
         else:
             for name, figures in found.items():
-                told = ", ".join(f"{key} {value}" for key, value in figures.items())
-                print(f"{name:20s} {told}", file=answer)
+                reported = ", ".join(f"{key} {value}" for key, value in figures.items())
+                print(f"{name:20s} {reported}", file=answer)
     raise typer.Exit(0 if all(figures["good"] for figures in found.values()) else 1)
 
 

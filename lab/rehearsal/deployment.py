@@ -20,8 +20,8 @@ ENDED = ("COMPLETED", "FAILED", "CRASHED", "CANCELLED")
 def set_up(installation: Installation, images: Path, store: str) -> None:
     """Run deploy/setup.sh, as deploy/README.md has it. Raises RehearsalError with what it said when it fails."""
     binaries = f"{Path(sys.executable).parent}{os.pathsep}{os.environ.get('PATH', '')}"
-    asked = {"PLANETPOSE_IMAGES": str(images), "PLANETPOSE_STORE": store, "PATH": binaries}
-    installation.run(["sh", str(SET_UP)], asked)
+    requested = {"PLANETPOSE_IMAGES": str(images), "PLANETPOSE_STORE": store, "PATH": binaries}
+    installation.run(["sh", str(SET_UP)], requested)
 
 
 class Api:
@@ -60,8 +60,8 @@ class Api:
     def start(self, deployment: str, parameters: dict[str, Any]) -> str:
         """Have a deployment run now, with some parameters replaced; the run's id."""
         found = self._deployment(deployment)
-        asked = {"state": {"type": "SCHEDULED"}, "parameters": {**found["parameters"], **parameters}}
-        return str(self.post(f"/deployments/{found['id']}/create_flow_run", asked)["id"])
+        requested = {"state": {"type": "SCHEDULED"}, "parameters": {**found["parameters"], **parameters}}
+        return str(self.post(f"/deployments/{found['id']}/create_flow_run", requested)["id"])
 
     def schedule(self, deployment: str, every_s: float, parameters: dict[str, Any]) -> None:
         """Have a deployment run every so many seconds, with some parameters replaced."""

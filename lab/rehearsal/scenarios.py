@@ -110,7 +110,7 @@ def schedule_fires(on: Stage) -> dict[str, Any]:
     states = [run["state_type"] for run in on.api.runs_in("COMPLETED", "FAILED", "CRASHED")]
     on.api.pause(DEPLOYMENT)
     wait_until("an idle worker", lambda: not on.api.runs_in("RUNNING", "PENDING"), RUN_TIMEOUT_S)
-    return _told(on, place, states[0], began_s=round(began, 1), run_s=round(took, 1))
+    return _reported(on, place, states[0], began_s=round(began, 1), run_s=round(took, 1))
 
 
 def database_restarts(on: Stage) -> dict[str, Any]:
@@ -119,7 +119,7 @@ def database_restarts(on: Stage) -> dict[str, Any]:
     on.postgres.stop()
     time.sleep(DATABASE_AWAY_S)
     on.postgres.start()
-    return _told(on, "database", on.ended(run), away_s=DATABASE_AWAY_S)
+    return _reported(on, "database", on.ended(run), away_s=DATABASE_AWAY_S)
 
 
 def server_is_killed(on: Stage) -> dict[str, Any]:
@@ -128,7 +128,7 @@ def server_is_killed(on: Stage) -> dict[str, Any]:
     on.sessions["server"].lose()
     time.sleep(DATABASE_AWAY_S)
     on.start_server()
-    return _told(on, "server", on.ended(run), away_s=DATABASE_AWAY_S)
+    return _reported(on, "server", on.ended(run), away_s=DATABASE_AWAY_S)
 
 
 def worker_is_lost(on: Stage) -> dict[str, Any]:
@@ -141,10 +141,10 @@ def worker_is_lost(on: Stage) -> dict[str, Any]:
     noticed = wait_until("notice of the lost run", lambda: on.api.state_of(run) in ENDED, RUN_TIMEOUT_S)
     first = on.api.state_of(run)
     again = on.ended(on.api.start(DEPLOYMENT, on.parameters("worker")))
-    return _told(on, "worker", again, first_run=first, noticed_s=round(noticed, 1), published_before=before)
+    return _reported(on, "worker", again, first_run=first, noticed_s=round(noticed, 1), published_before=before)
 
 
-def _told(on: Stage, place: str, state: str, **figures: Any) -> dict[str, Any]:
+def _reported(on: Stage, place: str, state: str, **figures: Any) -> dict[str, Any]:
     sound = on.sound(place)
     return {
         "state": state,

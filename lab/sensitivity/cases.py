@@ -53,7 +53,7 @@ def case_of(row: Row) -> Case:
         image = np.asarray(fits.getdata(files.image), np.float32)
         given = read_map(files.map) if files.map else None
         predicted = Pose.from_dict(json.loads(files.pose.read_text()))
-    target, lens = find_target(row.told_target), LENSES[row.lens]
+    target, lens = find_target(row.stated_target), LENSES[row.lens]
     noise = np.sqrt(lens.read_dn**2 + np.maximum(image, 0) / lens.gain_e_per_dn).astype(np.float32)
     seen = Observation(image, noise, np.zeros(image.shape, np.uint16))
     basemap = given or (uniform_map() if row.given == "none" else map_of_target(target))

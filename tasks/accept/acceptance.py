@@ -6,12 +6,15 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
+from tasks.fields import Json
 from tasks.validate.limb import LimbFigures
-from tasks.validate.step import OrientationReport
+from tasks.validate.step import OrientationReport, ValidateResult
 from tasks.validate.sun import SunReport
 
 BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
+# A close-up's limb may lie so many sigmas of the base map's place off.
+LIMB_SIGMAS = 2.0
 # A limb cannot show a narrower PSF than this.
 LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
@@ -19,23 +22,39 @@ BEHIND_REMEDY = (
 )
 
 
-def check_limb(accept: AcceptSettings, limb: LimbFigures) -> None:
-    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out."""
+def check_report(accept: AcceptSettings, report: ValidateResult) -> None:
+    """Raise FailedError when the image does not bear the corrected pose out, see `check_limb`."""
+    if report.patches is None:
+        check_limb(accept, report.limb)
+    else:
+        check_limb(allowing(accept, report.patches), report.limb, by_patches=True)
+
+
+def allowing(accept: AcceptSettings, patches: Json) -> AcceptSettings:
+    """The same for a close-up: where its limb is, is not better known than its map."""
+    known_px = LIMB_SIGMAS * float(patches["sigma_map_px"]) * float(patches["map_pixel_px"])
+    limits = {name: getattr(accept, name) for name in ("max_limb_rms_px", "sure_limb_rms_px")}
+    return accept.model_copy(update={name: limit and max(limit, known_px) for name, limit in limits.items()})
+
+
+def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:
+    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out. by_patches: patches
+    of the base map confirm it, so that no limb is needed, and the whole disk's brightness says nothing."""
     points, likeness = limb.points, limb.likeness
-    if likeness < accept.min_likeness:
+    if likeness < accept.min_likeness and not by_patches:
         raise FailedError(
             Reason.IMAGE_UNLIKE_SIMULATION,
             f"inside the disk and around it, image and simulation of the corrected pose correlate by {likeness:.2f} "
             f"(needed {accept.min_likeness:g}).",
             "Check the picture, camera, target and Sun direction; accept.min_likeness of the profile is the limit.",
         )
-    if limb.robust_px is None and accept.require_limb:
+    if limb.robust_px is None and accept.require_limb and not by_patches:
         measured = f"only {points} segments of the lit limb could be measured"
         if limb.tried == 0:
             measured = "the lit limb is nowhere on usable pixels of the frame"
         raise FailedError(
             Reason.LIMB_NOT_MEASURED,
-            f"{measured}, so nothing bears the corrected pose out.",
+            f"{measured}, so nothing confirms the corrected pose.",
             "Check the picture; a profile with accept.require_limb = false publishes it all the same.",
         )
     if is_off(accept, limb, accept.max_limb_rms_px):
@@ -148,15 +167,18 @@ def explained(error: PlanetposeError, predicted: Pose) -> PlanetposeError:
     reason: turned to the target by the shortest way, a camera may stand on its head, and what fails then misleads."""
     if error.code in (BEHIND, "interrupted") or not is_behind(predicted):
         return error
-    return type(error)(BEHIND, f"{behind(predicted)}; with the camera turned to it, {error.fault}", BEHIND_REMEDY)
+    fault = f"{behind(predicted)}. With the camera turned towards it the correction fails: {error.fault}"
+    return type(error)(BEHIND, fault, BEHIND_REMEDY)
 
 
 def refuse_doubtful_behind(predicted: Pose, doubts: list[str]) -> None:
     """Raise FailedError where something speaks against a corrected pose whose predicted one looks away from the
     target: nothing then tells which way up the camera was."""
     if doubts and is_behind(predicted):
-        faults = "; ".join(doubt.partition(". ")[0] for doubt in doubts)
-        raise FailedError(BEHIND, f"{behind(predicted)}; with the camera turned to it, {faults}.", BEHIND_REMEDY)
+        first, others = doubts[0].partition(". ")[0], len(doubts) - 1
+        more = f" and {others} more {'doubt' if others == 1 else 'doubts'}" if others else ""
+        fault = f"{behind(predicted)}. With the camera turned towards it the result is doubtful ({first}{more})."
+        raise FailedError(BEHIND, fault, BEHIND_REMEDY)
 
 
 def is_behind(predicted: Pose) -> bool:

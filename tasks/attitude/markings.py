@@ -1,4 +1,4 @@
-"""Whether the image bears an orientation out: its markings beside the map's, here and at other orientations.
+"""Whether the image confirms an orientation: its markings beside the map's, here and at other orientations.
 
 The correlation of the image's markings with the map's is judged by what the same map gives at orientations that have
 nothing to do with the body's: their scatter tells how many independent measurements the disk holds.
@@ -37,7 +37,7 @@ REACH_SIGMAS, STEPS, MOST_REACH_DEG = 3.3, 2, 30.0
 REFINED, ROUNDS = 2, 5
 OTHER_LONGITUDE_DEG, LONGITUDE_STEP_DEG = 20.0, 10.0
 OWN_PEAK_PX = 2.5
-# A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas bear it out.
+# A turn of so many sigmas of its prior contradicts it, unless markings of so many sigmas confirm it.
 CONFLICT_SIGMAS, STRONG_SIGMAS = 3.0, 8.0
 # Where nothing is known of the orientation's error it is taken for so large, 1-sigma.
 UNKNOWN_DEG = 10.0

@@ -15,6 +15,7 @@ from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from tasks.attitude.flow import optical_flow
 from tasks.attitude.kabsch import robust_kabsch
 from tasks.attitude.markings import CONFLICT_SIGMAS, UNKNOWN_DEG, is_borne_out, markings_at_pose
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene
@@ -37,7 +38,7 @@ class AttitudeSettings(BaseModel):
     """template_px, search_px: the paper's boxes. min_correlation: of a flow vector. min_vectors: fewer leave the
     attitude undetermined, and so does a match at less than min_share of the places with markings: the right markings
     match at more than 0.6 of them, chance (a wrong map, a body turned beyond the search) at 0.02 to 0.15. max_deg: a
-    larger turn is accepted only where the markings, compared with what chance gives, bear it out strongly; None, the
+    larger turn is accepted only where the markings, compared with what chance gives, support it strongly; None, the
     default, takes what the prior of the orientation contradicts (3 of its sigmas). A turn whose 1-sigma about some axis
     exceeds max_sigma_deg is never accepted. min_lit: weakest simulated shading, relative to the brightest, at which
     markings are compared.
@@ -93,6 +94,7 @@ def find_attitude(
     orientation at the start, see `AttitudeSettings.max_deg`. converged, and `settled` in
     the evidence: whether turning came to rest within `max_turns`.
     """
+    observation = alone(observation, pose, scene)
     radius = disk_radius_px(pose, scene.camera, scene.target)
     reductions = [n for n in (8, 4, 2, 1) if COARSE_RADIUS_PX <= radius / n <= FINE_RADIUS_PX] or [1]
     scene = replace(scene, settings=scene.settings.model_copy(update={"oversample": OVERSAMPLE}))
@@ -202,7 +204,7 @@ def why_not_so_far(
         return None
     return (
         f"a turn of {angle:.1f} deg is not believable (limit {limit:g} deg), "
-        "for the markings do not bear it out strongly"
+        "for the markings do not support it strongly"
     )
 
 

@@ -33,8 +33,9 @@ def reduced_scene(scene: Scene, n: int) -> Scene:
     """Scene with a camera of n x n binned pixels."""
     if n == 1:
         return scene
-    psf = scene.settings.psf_sigma_px
-    settings = scene.settings.model_copy(update={"psf_sigma_px": None if psf is None else psf / n})
+    psf, (x, y) = scene.settings.psf_sigma_px, scene.settings.trail_px
+    changes = {"psf_sigma_px": None if psf is None else psf / n, "trail_px": (x / n, y / n)}
+    settings = scene.settings.model_copy(update=changes)
     return Scene(reduced_camera(scene.camera, n), scene.target, scene.basemap, settings)
 
 

@@ -3,7 +3,7 @@ is."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,6 +24,7 @@ Name = Literal[
     "unmasked",
     "stray-light",
     "blurred",
+    "smeared",
     "size",
     "sun",
     "mirrored",
@@ -38,7 +39,8 @@ BACK: dict[Flip, Flip] = {"rot90": "rot270", "rot270": "rot90"}
 @dataclass(frozen=True)
 class Candidate:
     """One thing changed: the pose, or the picture. detail: by how much, in the family's own measure. flip: how the
-    picture was flipped, None for the frame as it is. psf_px: width of a blur other than the scene's, None for that."""
+    picture was flipped, None for the frame as it is. psf_px: width of a blur other than the scene's, None for that.
+    trail_px: (x, y) of a line along which the exposure spread every point."""
 
     name: Name
     detail: float
@@ -46,12 +48,14 @@ class Candidate:
     pose: Pose
     flip: Flip | None = None
     psf_px: float | None = None
+    trail_px: tuple[float, float] = (0.0, 0.0)
 
     def seen_by(self, scene: Scene) -> Scene:
         """The scene with the candidate's own blur."""
-        if self.psf_px is None:
-            return scene
-        return replace(scene, settings=scene.settings.model_copy(update={"psf_sigma_px": self.psf_px}))
+        changes: dict[str, Any] = {} if self.psf_px is None else {"psf_sigma_px": self.psf_px}
+        if self.trail_px != (0.0, 0.0):
+            changes["trail_px"] = self.trail_px
+        return replace(scene, settings=scene.settings.model_copy(update=changes)) if changes else scene
 
 
 def families(
@@ -72,6 +76,7 @@ def families(
     yield [
         Candidate("blurred", width, observation, pose, psf_px=width) for width in widths if width > scene.psf_sigma_px
     ]
+    yield list(trails(observation, pose, radius, settings))
     yield [Candidate("size", size, observation, pose.with_range_factor(1 / size)) for size in settings.sizes]
     azimuths = sun_azimuth_deg(pose) + 360 * np.arange(settings.azimuths) / settings.azimuths
     phases = (pose.phase_deg, *settings.phases_deg)
@@ -86,6 +91,14 @@ def families(
         else:
             yield [Candidate("rolled", turn_deg, observation, rolled(pose, turn_deg))]
     yield [Candidate("inverted", 1.0, replace(observation, image=-observation.image), pose)]
+
+
+def trails(observation: Observation, pose: Pose, radius_px: float, settings: DiagnoseSettings) -> Iterator[Candidate]:
+    """Exposures during which the boresight drifted along a line, in every direction."""
+    for share in settings.trails:
+        for angle in np.pi * np.arange(settings.trail_directions) / settings.trail_directions:
+            x, y = (share * radius_px * float(part) for part in (np.cos(angle), np.sin(angle)))
+            yield Candidate("smeared", share * radius_px, observation, pose, trail_px=(x, y))
 
 
 def flipped_as(observation: Observation, flip: Flip) -> Observation:

@@ -17,16 +17,26 @@ from tasks.simulate.window import disk_radius_px
 from tasks.validate.blocks import blocks_of
 
 FLIPS = ("mirrored", "rolled")
+SPREAD = ("blurred", "smeared")
+# Side of the blocks of JPEG: they move a limb by half of it at most.
+BLOCK_PX = 8
 
 
 def cause_of(
     all_tried: Tried, observation: Observation, predicted: Pose, scene: Scene, settings: DiagnoseSettings
 ) -> Diagnosis | None:
-    """The explanation that fits; where none does, what covers the target or its limb; None where nothing is certain."""
+    """The explanation that fits; where none does, what spreads the light, or covers the target or its limb; None where
+    nothing is certain."""
     diagnosis = diagnosis_of(all_tried, predicted, scene, settings)
+    if diagnosis is not None and diagnosis.code == Reason.DISK_SIZE and diagnosis.explanation is not None:
+        off_px = abs(diagnosis.explanation.size - 1) * disk_radius_px(predicted, scene.camera, scene.target)
+        return (compressed(observation, settings) if off_px < BLOCK_PX / 2 else None) or diagnosis
     if diagnosis is not None:
         return diagnosis
     first = predicted_one(all_tried)
+    spread = spread_of(all_tried, settings)
+    if spread is not None:
+        return diagnosis_for(spread, predicted, scene, settings)
     if first and first.likeness >= settings.sure_likeness and is_no_chance(first, all_tried, settings):
         covered = covered_limb(observation, first, scene, settings)
         if covered is not None:
@@ -70,6 +80,19 @@ def explanation_of(all_tried: Tried, settings: DiagnoseSettings, scene: Scene) -
     return flip_shown_by_markings(first, best, good, all_tried, settings) or best
 
 
+def spread_of(all_tried: Tried, settings: DiagnoseSettings) -> Explanation | None:
+    """A blurred or smeared picture: its limb is too wide to be measured, so that shading and outline alone must show
+    it, beyond chance, and better than anything else that was tried does. None where they do not."""
+    first = predicted_one(all_tried)
+    spread = [e for e in all_tried.found if e.candidate.name in SPREAD and e.likeness >= settings.spread_likeness]
+    for e in spread:
+        others = [other for other in all_tried.found if other is not e]
+        is_best = all(e.fit and other.fit and better_by(e.fit, other.fit)[0] >= 1 for other in others)
+        if first and is_best and is_better(e, first, all_tried, settings) and is_no_chance(e, all_tried, settings):
+            return e
+    return None
+
+
 def is_better(e: Explanation, other: Explanation, all_tried: Tried, settings: DiagnoseSettings) -> bool:
     """Whether one explanation leaves so much less of the image unexplained than another one that this is no accident,
     however many were tried."""
@@ -111,7 +134,7 @@ def compressed(observation: Observation, settings: DiagnoseSettings) -> Diagnosi
     return Diagnosis(
         Reason.COMPRESSION_BLOCKS,
         f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at their edges as "
-        "elsewhere), and nothing else explains it.",
+        "elsewhere), and nothing else explains it as well.",
         "Take a version with less compression.",
         None,
     )

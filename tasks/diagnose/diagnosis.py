@@ -42,6 +42,8 @@ def diagnosis_for(best: Explanation, predicted: Pose, scene: Scene, settings: Di
             return stray_light_diagnosis(best, scene)
         case "blurred":
             return blurred_diagnosis(best, scene)
+        case "smeared":
+            return smeared_diagnosis(best)
         case "mirrored":
             return mirrored_diagnosis(best)
         case "rolled":
@@ -103,6 +105,18 @@ def blurred_diagnosis(best: Explanation, scene: Scene) -> Diagnosis:
         "the picture is blurred, by motion, focus or an atmosphere: with a point spread of about "
         f"{width:.1f} px (sigma; the camera's is {camera:.2f}) outline and shading fit.",
         f"Give a sharper picture, or --camera FILE.toml with psf_sigma_px = {width:.1f}.",
+        best,
+    )
+
+
+def smeared_diagnosis(best: Explanation) -> Diagnosis:
+    """The message of this cause."""
+    x, y = best.candidate.trail_px
+    return Diagnosis(
+        Reason.IMAGE_BLURRED,
+        f"the picture is smeared by motion: with every point spread along a line of about {np.hypot(x, y):.0f} px, "
+        f"{np.degrees(np.arctan2(y, x)) % 180:.0f} deg from +x towards +y, outline and shading fit.",
+        "Give a picture with a shorter exposure, or one that follows the target.",
         best,
     )
 

@@ -32,7 +32,7 @@ def write_backplanes(source: Source, path: Path) -> Path:
     if not source.on_detector:
         _add_sky(primary.header, source)
     planes = []
-    for variable in variables_of(source.attributes.get("pixel_space", "")):
+    for variable in variables_of(source.attributes.get("pixel_space", ""), "body_id" in source.cube):
         if variable.name == "image" or variable.dims != DIMENSIONS:
             continue
         plane = fits.ImageHDU(source.cube[variable.name].values, name=variable.name.upper())

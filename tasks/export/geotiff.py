@@ -20,17 +20,7 @@ def write_geotiff(source: Source, mapped: MapImage, path: Path, cloud_optimized:
     from rasterio.io import MemoryFile
     from rasterio.shutil import copy
 
-    rows, columns = mapped.grid.shape
-    profile: dict[str, Any] = {
-        "driver": "GTiff",
-        "count": len(LAYERS),
-        "dtype": "float32",
-        "height": rows,
-        "width": columns,
-        "crs": rasterio.crs.CRS.from_wkt(mapped.grid.projection.crs.to_wkt("WKT2_2019")),
-        "transform": mapped.grid.transform,
-        "nodata": float("nan"),
-    }
+    profile = map_profile(mapped)
     tiled = {"tiled": True, "blockxsize": BLOCK_PX, "blockysize": BLOCK_PX, "compress": "deflate", "predictor": 3}
     with file_put_in_place(path) as temporary:
         if not cloud_optimized:
@@ -49,6 +39,23 @@ def write_geotiff(source: Source, mapped: MapImage, path: Path, cloud_optimized:
             with memory.open() as file:
                 copy(file, str(temporary), driver="COG", **options)
     return path
+
+
+def map_profile(mapped: MapImage) -> dict[str, Any]:
+    """What GDAL is to create: one float32 band per layer on the map's grid, NaN as nodata."""
+    import rasterio
+
+    rows, columns = mapped.grid.shape
+    return {
+        "driver": "GTiff",
+        "count": len(LAYERS),
+        "dtype": "float32",
+        "height": rows,
+        "width": columns,
+        "crs": rasterio.crs.CRS.from_wkt(mapped.grid.projection.crs.to_wkt("WKT2_2019")),
+        "transform": mapped.grid.transform,
+        "nodata": float("nan"),
+    }
 
 
 def _fill(file: Any, source: Source, mapped: MapImage) -> None:

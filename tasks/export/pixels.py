@@ -19,7 +19,7 @@ PLANES = (
     "image", "latitude", "longitude", "incidence", "emission", "phase", "range_km", "resolution_km",
     "latitude_uncertainty", "longitude_uncertainty", "quality",
 )  # fmt: skip
-NOT_FOR_PHOTOMETRY = UNUSABLE | Quality.OFF_BODY | Quality.NIGHT_SIDE | Quality.LIMB
+NOT_FOR_PHOTOMETRY = UNUSABLE | Quality.OFF_BODY | Quality.NIGHT_SIDE | Quality.LIMB | Quality.ECLIPSED
 DIGITS = "%.7g"
 
 

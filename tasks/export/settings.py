@@ -7,8 +7,8 @@ from tasks.export.map_grid import PROJECTIONS
 from tasks.export.map_image import KERNELS
 from tasks.export.pixels import Selection
 
-FORMATS = ("fits", "geotiff", "cog", "zarr-map", "stac", "csv", "parquet", "isd", "isis-cube")
-MAPS = ("geotiff", "cog", "zarr-map")
+FORMATS = ("fits", "geotiff", "cog", "zarr-map", "stac", "csv", "parquet", "isd", "isis-cube", "pds4", "pds4-map")
+MAPS = ("geotiff", "cog", "zarr-map", "pds4-map")
 
 
 @dataclass(frozen=True)

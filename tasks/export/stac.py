@@ -10,6 +10,7 @@ from tasks.atomic import folder_put_in_place
 from tasks.export.footprint import footprint
 from tasks.export.map_grid import MapGrid, body_crs
 from tasks.export.map_image import finest_resolution_km
+from tasks.export.settings import MAPS
 from tasks.export.source import Source
 from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE, OVERLAY, RESULT
@@ -23,6 +24,7 @@ MEDIA_TYPES = {
     ".zarr": "application/vnd.zarr; version=3",
     ".png": "image/png",
     ".json": "application/json",
+    ".xml": "application/xml",
     ".tif": "image/tiff; application=geotiff",
     ".fits": "application/fits",
     ".csv": "text/csv",
@@ -72,7 +74,7 @@ def stac_item(source: Source, exported: Mapping[str, Path], grid: MapGrid | None
     for kind, path in exported.items():
         asset = _asset(path, ["data"], COG_TYPE if kind == "cog" else None)
         item.add_asset(kind, asset)
-        if grid is not None and kind in ("geotiff", "cog", "zarr-map"):
+        if grid is not None and kind in MAPS:
             _describe_map(asset, grid)
     return item
 

@@ -35,6 +35,10 @@ def write_one(kind: str, source: Source, mapped: "MapImage | None", settings: Ex
         name = f"{source.product}_{settings.projection}"
         if kind == "zarr-map":
             return write_zarr_map(source, mapped, out / f"{name}.zarr")
+        if kind == "pds4-map":
+            from tasks.export.pds4 import file_stem, write_pds4_map
+
+            return write_pds4_map(source, mapped, out / f"{file_stem(name)}_pds4.xml")
         suffix = "_cog.tif" if kind == "cog" else ".tif"
         return write_geotiff(source, mapped, out / f"{name}{suffix}", cloud_optimized=kind == "cog")
     if kind == "fits":
@@ -45,6 +49,10 @@ def write_one(kind: str, source: Source, mapped: "MapImage | None", settings: Ex
         from tasks.export.isd import write_isd
 
         return write_isd(source, out / f"{source.product}_isd.json")
+    if kind == "pds4":
+        from tasks.export.pds4 import file_stem, write_pds4
+
+        return write_pds4(source, out / f"{file_stem(source.product)}.xml")
     if kind == "isis-cube":
         from tasks.export.isis_cube import write_isis_cube
 

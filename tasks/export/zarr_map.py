@@ -1,7 +1,7 @@
 """Maps as Zarr: CF coordinates in metres, a CF grid mapping with WKT, and GDAL's GeoTransform."""
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,12 +12,15 @@ from tasks.export.source import Source
 from tasks.publish.cube import CONVENTIONS, compressor, write_group
 from tasks.publish.variables import BY_NAME
 
+if TYPE_CHECKING:
+    import xarray as xr
+
 GRID_MAPPING = "spatial_ref"  # the name that rioxarray and GDAL look for
 CHUNK_PX = 1024
 
 
-def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
-    """Write the layers over (y, x) as a Zarr v3 group and return `path`."""
+def map_dataset(source: Source, mapped: MapImage) -> "xr.Dataset":
+    """The layers over (y, x), CF coordinates in metres, and the map's place on the body."""
     import xarray as xr
 
     grid = mapped.grid
@@ -30,12 +33,16 @@ def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
         GRID_MAPPING: ((), np.int32(0), spatial_ref),
     }
     attributes = {"Conventions": CONVENTIONS, "title": f"Map of {source.product}", **map_attributes(source, mapped)}
-    dataset = xr.Dataset(layers, coordinates, attributes)
-    chunks = tuple(min(CHUNK_PX, n) for n in grid.shape)
+    return xr.Dataset(layers, coordinates, attributes)
+
+
+def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
+    """Write `map_dataset` as a Zarr v3 group and return `path`."""
+    chunks = tuple(min(CHUNK_PX, n) for n in mapped.grid.shape)
     encoding: dict[str, dict[str, Any]] = {name: {"chunks": chunks, "compressors": [compressor()]} for name in LAYERS}
     with folder_put_in_place(path) as temporary:
         temporary.rmdir()
-        write_group(dataset, temporary, encoding)
+        write_group(map_dataset(source, mapped), temporary, encoding)
     return path
 
 

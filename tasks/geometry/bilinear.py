@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compiled import compiled, compiled_reordered
+from tasks.geometry.arctangent import atan2_deg
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,20 @@ def bilinear_at(albedo, left_edge_deg, latitude_deg, longitude_deg):  # type: ig
     rows, columns = albedo.shape
     x = ((longitude_deg - left_edge_deg) % 360.0) * (columns / 360.0) - 0.5
     return bilinear(albedo, x, (90.0 - latitude_deg) * (rows / 180.0) - 0.5)
+
+
+@compiled
+def places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y):  # type: ignore[no-untyped-def]
+    """Fill columns `x` (wrapped) and rows `y` (n,), 0-based, of an equirectangular map from `begin` to `end`, at
+    body-fixed points px, py, pz (n,), which are `flat` (n,) from the axis. left_edge_deg: 0 to 360."""
+    columns_per_deg, rows_per_deg = albedo.shape[1] / 360.0, albedo.shape[0] / 180.0
+    for j in range(begin, end):
+        east = atan2_deg(py[j], px[j]) - left_edge_deg
+        east = (east + 360.0) if east < 0.0 else east
+        east = (east + 360.0) if east < 0.0 else east
+        x[j] = east * columns_per_deg - 0.5
+    for j in range(begin, end):
+        y[j] = (90.0 - atan2_deg(pz[j], flat[j])) * rows_per_deg - 0.5
 
 
 def map_values(albedo: NDArray[np.float32], left_edge_deg: float, latitude_deg: Array, longitude_deg: Array) -> Array:

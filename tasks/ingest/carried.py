@@ -9,6 +9,7 @@ from catalog.flips import Flip
 from catalog.isd import is_isd, pose_from_isd
 from catalog.isis_tables import cube_label, has_pose, is_isis_cube, pose_from_cube
 from catalog.observation import Frame
+from catalog.packed import readable
 from catalog.pds4_geometry import pds4_label_beside, pose_from_pds4
 from catalog.plain_files import read_json_file
 from catalog.pose import PartialPose, read_pose_file
@@ -32,13 +33,14 @@ def parts_of_pose_file(path: Path | None, target: Target | None = None) -> tuple
 
 def parts_of_tables(frame: Frame, et: float) -> tuple[PartialPose, Faults]:
     """The parts in the tables of an ISIS cube after spiceinit, and why there are none where the tables do not serve."""
-    if not is_isis_cube(frame.path):
-        return PartialPose(), ()
     try:
-        label = cube_label(frame.path)
-        if not has_pose(label):
-            return PartialPose(), ("the cube has no tables of spiceinit",)
-        return pose_from_cube(frame.path, et, label), ()
+        with readable(frame.path) as cube:
+            if not is_isis_cube(cube):
+                return PartialPose(), ()
+            label = cube_label(cube)
+            if not has_pose(label):
+                return PartialPose(), ("the cube has no tables of spiceinit",)
+            return pose_from_cube(cube, et, label), ()
     except RefusedError as error:
         return PartialPose(), (error.fault,)
 

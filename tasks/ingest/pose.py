@@ -6,7 +6,7 @@ something together with the label's own distance and sub-spacecraft point, so th
 the label's.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,9 +19,12 @@ from catalog.flips import Flip
 from catalog.observation import Frame
 from catalog.pose import POSE_KEYS, VELOCITY_KEYS, PartialPose, Pose
 from catalog.reasons import Reason
-from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_spice
+from catalog.spacecraft_clock import et_by_clock
+from catalog.spice import Kernel, kernel_pool
+from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
 from catalog.target import Target
 from catalog.times import utc_from_et
+from tasks.ingest.bodies import bodies_of_image, candidates_for
 from tasks.ingest.carried import orientation_of_header, parts_of_pds4, parts_of_pose_file, parts_of_tables
 
 # Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
@@ -54,19 +57,35 @@ def initial_pose(
     kernels: Iterable[Path],
     pose_file: Path | None = None,
     flip: Flip | None = None,
+    bodies: Sequence[str] = (),
 ) -> InitialPose:
     """Predicted pose of `frame` at mid-exposure.
 
     Precedence of each part: pose file or ISD, SPICE where `kernels` (files or folders) cover it, the tables of an ISIS
     cube, label, geometry of a PDS4 label, header. The pose file's time overrides the label's. flip: how the user had
-    the picture flipped.
+    the picture flipped. bodies: names of the other bodies to place, see `bodies_of_image`.
 
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
+    kernels = list(kernels)
+    candidates = candidates_for(bodies, target, kernels)
+    with kernel_pool(kernels) as loaded:
+        found, from_file = _initial_pose(frame, camera, target, loaded, pose_file, flip)
+        others = bodies_of_image(found.pose, camera, target, from_file.bodies, candidates, pose_file)
+    return replace(found, pose=found.pose.replaced(bodies=others))
+
+
+def _initial_pose(
+    frame: Frame, camera: Camera, target: Target, loaded: list[Kernel], pose_file: Path | None, flip: Flip | None
+) -> tuple[InitialPose, PartialPose]:
+    """The predicted pose without other bodies, and what the pose file says."""
     kind, from_file = parts_of_pose_file(pose_file, target)
     if kind == "isd":
         _refuse_other_exposure(frame, from_file, pose_file)
-    et = from_file.et if from_file.et is not None else _first_known(frame.label_pose.et, frame.et)
+    clock_faults: tuple[str, ...] = ()
+    et = _first_known(from_file.et, frame.label_pose.et)
+    if et is None:
+        et, clock_faults = _time_of_frame(frame, camera, loaded)
     if et is None:
         why = f"{frame.product}: the label gives no time"
         raise RefusedError(
@@ -79,8 +98,9 @@ def initial_pose(
     tables, table_faults = parts_of_tables(frame, et)
     header, header_source, header_faults = orientation_of_header(frame, camera, target, et, flip)
     pds4, pds4_faults = parts_of_pds4(frame, camera, flip)
-    label_faults += table_faults + pds4_faults + header_faults
-    spice = pose_parts_from_spice(camera, target, et, kernels, _light_time_s(from_file, tables, from_label, pds4))
+    label_faults += clock_faults + table_faults + pds4_faults + header_faults
+    light_time_s = _light_time_s(from_file, tables, from_label, pds4)
+    spice = pose_parts_from_loaded(camera, target, et, loaded, light_time_s)
     known_elsewhere = [part.camera_from_j2000 is not None for part in (from_file, spice.parts, tables)]
     relative_label = is_relative and not any(known_elsewhere)
     # Only the Sun does not hang on how the label has the target, and SPICE knows it better than the label's digits.
@@ -96,7 +116,7 @@ def initial_pose(
     unknown = [key for key in POSE_KEYS if getattr(parts, key) is None]
     if unknown:
         raise _unknown(frame, camera, unknown, spice.missing, label_faults)
-    return InitialPose(
+    found = InitialPose(
         pose=parts.completed(),
         source=sources["camera_from_j2000"],
         sources=sources,
@@ -104,6 +124,7 @@ def initial_pose(
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
     )
+    return found, from_file
 
 
 def _refuse_other_exposure(frame: Frame, isd: PartialPose, path: Path | None) -> None:
@@ -116,6 +137,15 @@ def _refuse_other_exposure(frame: Frame, isd: PartialPose, path: Path | None) ->
 
 def _first_known(*values: float | None) -> float | None:
     return next((value for value in values if value is not None), None)
+
+
+def _time_of_frame(frame: Frame, camera: Camera, loaded: list[Kernel]) -> tuple[float | None, tuple[str, ...]]:
+    """Mid-exposure by the spacecraft's clock, where the camera's file says that it is better and the kernels have it,
+    else the label's; and why it is not the clock's."""
+    if not loaded:
+        return frame.et, ()
+    et, fault = et_by_clock(camera.clock, frame.label, frame.exposure_s, camera.naif_spacecraft_id, frame.et)
+    return _first_known(et, frame.et), (fault,) if fault else ()
 
 
 def _label_parts(frame: Frame, camera: Camera, target: Target, et: float) -> tuple[PartialPose, bool, tuple[str, ...]]:

@@ -15,7 +15,8 @@ from tasks.work import Work
 class PoseInputs(Content):
     """What the result depends on. frame: content of what the file says. target: what the catalog knows of its target,
     None where a kernel defines it. pose_file: its content. kernels: name and content of each kernel, in the order of
-    loading."""
+    loading. bodies: names of the other bodies to place; catalog: content of the catalog's targets, which may be in the
+    frame, None where no kernel places them."""
 
     image: ImageInputs
     camera: CameraField
@@ -23,6 +24,8 @@ class PoseInputs(Content):
     target: Target | None = None
     pose_file: str | None
     kernels: tuple[tuple[str, str], ...]
+    bodies: tuple[str, ...] = ()
+    catalog: str | None = None
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     The target is looked up here too, for a kernel may define it."""
     frame = frame_of(inputs.image, files)
     target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
-    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip)
+    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip, inputs.bodies)
     return PredictedPose(
         pose=found.pose,
         target=target,
@@ -72,6 +75,7 @@ LABELS = {
     "pose_file": "pose file",
     "kernels": "kernels",
     "target": "catalog: targets",
+    "catalog": "catalog: targets",
     "image.reader": "reader",
 }
 STEP = StepType("pose", run, PredictedPose, changes=frozenset({"pose"}), labels=LABELS)

@@ -65,7 +65,9 @@ def started_at(pose: Pose, camera: Camera, offset_px: ArrayLike) -> NDArray[np.f
     """Pixel (2,) that the user's offset moves the centre to. Raises RefusedError when it is nowhere near the frame."""
     before = camera.project(pose.target_in_camera_km)
     wanted = before + np.asarray(offset_px, np.float64)
-    if not np.abs(wanted - camera.centre_px).max() <= FRAMES_AWAY * max(camera.size_px):
+    # The centre of a close-up's target is far outside already.
+    farthest = max(FRAMES_AWAY * max(camera.size_px), np.abs(before - camera.centre_px).max() + max(camera.size_px))
+    if not np.abs(wanted - camera.centre_px).max() <= farthest:
         raise RefusedError(
             Reason.START_OUTSIDE_FRAME,
             f"--start-offset moves the target's predicted centre ({before[0]:.6g}, {before[1]:.6g}) to "

@@ -12,8 +12,8 @@ Array = NDArray[np.float64]
 
 # Edges point to the centre within this cosine.
 RADIAL_COSINE = 0.85
-# How far beside an edge its two sides are looked at, pixels.
-BESIDE_PX = 5.0
+# How far beside an edge its two sides are looked at, pixels; its bright side also nearer, where a thin crescent is.
+BESIDE_PX, NEARER_PX = 5.0, 2.0
 # Largest radius, in sizes of the frame: of less of a curve nothing could be measured.
 LARGEST_SHARE = 4.0
 # Edges cover at least this share of the arc that the limb must have: through less, straight lines are circles, too.
@@ -93,9 +93,11 @@ def is_another(disk: Disk, other: Disk) -> bool:
 def edge_weights(edges: Edges, outside_share: float) -> Array:
     """Of each edge (n,), 0 to 1: how strong it is, and how dark its outer side is beside its inner one; 0 where that
     is brighter than `outside_share` of it."""
-    outer, inner = (
-        values_at(edges.clean, *(edges.xy_px + side * BESIDE_PX * edges.inward).T) - edges.dark for side in (-1, 1)
+    outer, inner, nearer = (
+        values_at(edges.clean, *(edges.xy_px + beside * edges.inward).T) - edges.dark
+        for beside in (-BESIDE_PX, BESIDE_PX, NEARER_PX)
     )
+    inner = np.maximum(inner, nearer)
     share = np.clip(outer / np.maximum(inner, 1e-6 * edges.span), 0, 1)
     strong = max(float(np.percentile(edges.strength, 75)), 1e-12)
     weight = np.minimum(edges.strength / strong, 1.0) * (1 - share)

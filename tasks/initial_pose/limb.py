@@ -45,6 +45,13 @@ class Limb:
     residual_px: float
 
     @property
+    def arc_sigma(self) -> float:
+        """1-sigma of the radius, relative, that the extent and the scatter of the seen limb leave; `covariance` has in
+        it what law and blur add, whatever is seen of it."""
+        of_edge = RADIUS_PX / self.mean_px
+        return float(np.sqrt(max(self.covariance[2, 2] - of_edge**2, 0.0)))
+
+    @property
     def mean_px(self) -> float:
         """Radius of the circle of the same area."""
         return self.semi_px * float(np.sqrt(1 - np.hypot(*self.flattening)))
@@ -148,13 +155,13 @@ def fitted(points: Array, start: Array, largest: float) -> tuple[Array, Array, f
     design = design[np.concatenate([inliers, np.ones(len(design) - len(points), bool)])]
     normal = design.T @ design
     errors = np.linalg.pinv(normal) * TOGETHER * max(scale, 0.1) ** 2
-    radius = float(np.exp(values[2]))
     # The shorter the arc, the more such an error of its ends moves the centre.
     centre_px = CENTRE_PX * float(np.sqrt(360 / max(arc_of(points[inliers] - values[:2]), 5.0)))
-    covariance = errors[:3, :3] + np.diag([centre_px, centre_px, RADIUS_PX / radius]) ** 2
     full = np.concatenate([values, np.zeros(5 - len(values))])
     if np.hypot(*full[3:]) > largest > 0:
         full[3:] *= largest / np.hypot(*full[3:])
+    mean_px = float(np.exp(values[2]) * np.sqrt(1 - np.hypot(*full[3:])))
+    covariance = errors[:3, :3] + np.diag([centre_px, centre_px, RADIUS_PX / mean_px]) ** 2
     return full, covariance, scale, inliers
 
 

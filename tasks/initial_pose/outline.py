@@ -11,7 +11,7 @@ from catalog.observation import Observation
 from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.initial_pose.disk import Disk, find_disks, lit_outside
-from tasks.initial_pose.edges import SPECK_PX, Edges, edges_of, values_at
+from tasks.initial_pose.edges import Edges, edges_of, values_at
 from tasks.initial_pose.limb import Limb, limb_along
 from tasks.initial_pose.settings import LimbSearchSettings
 from tasks.initial_pose.sun import SunInDisk, sun_of_disk
@@ -19,6 +19,7 @@ from tasks.initial_pose.sun import SunInDisk, sun_of_disk
 Array = NDArray[np.float64]
 
 CANDIDATES = 10
+CRESCENT_PX = 3  # of thinner ones both sides of an edge are sky (`edge_weights`)
 # Limb and light are found in turn so often, where the terminator lies farther inside the limb than so many pixels;
 # what is no likeness at all is not looked at again.
 ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
@@ -84,7 +85,7 @@ def outline_of(edges: Edges, disk: Disk, target: Target) -> Outline | None:
     if limb is None or sun is None:
         return None
     outside = lit_outside(edges, limb.centre_px, limb.mean_px)
-    lit, sky = lit_share(edges, limb, sun), sky_share(edges, limb)
+    lit, sky = lit_share(edges, limb, sun), sky_share(edges, limb, sun)
     length = limb.mean_px * np.radians(limb.arc_deg)
     quality = float(length * max(sun.likeness, 0.0) ** 4 * lit * max(1 - outside, 0.0))
     return Outline(limb, sun, quality, lit, sky, outside)
@@ -102,8 +103,7 @@ def is_lit_disk(outline: Outline, settings: LimbSearchSettings) -> bool:
 
 def is_borne_out(outline: Outline, settings: LimbSearchSettings) -> bool:
     """Whether an outline is a lit body's before a dark sky, and its radius known."""
-    radius_sigma = float(np.sqrt(outline.limb.covariance[2, 2]))
-    enough = outline.limb.arc_deg >= settings.arc_deg and radius_sigma <= settings.radius_sigma
+    enough = outline.limb.arc_deg >= settings.arc_deg and outline.limb.arc_sigma <= settings.radius_sigma
     return enough and is_lit_disk(outline, settings)
 
 
@@ -129,13 +129,15 @@ def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
     return float((seen & wanted).sum() / wanted.sum()) if wanted.any() else 0.0
 
 
-def sky_share(edges: Edges, limb: Limb) -> float:
+def sky_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
     """Brightness outside the seen limb, above the frame's darkest parts, as a share of that inside."""
     away = limb.points_px - limb.centre_px
     away = away / np.maximum(np.linalg.norm(away, axis=1), 1e-9)[:, None]
-    beside = max(4.0, 0.05 * limb.mean_px)
+    outside_px = max(4.0, 0.05 * limb.mean_px)
+    # Of a crescent no farther inside than its middle.
+    inside_px = min(outside_px, 0.5 * limb.mean_px * (1 + np.cos(np.radians(sun.phase_deg))))
     outside, inside = (
-        values_at(edges.clean, *(limb.points_px + side * beside * away).T) - edges.dark for side in (1, -1)
+        values_at(edges.clean, *(limb.points_px + beside * away).T) - edges.dark for beside in (outside_px, -inside_px)
     )
     return float(np.median(outside) / max(float(np.median(inside)), 1e-12))
 
@@ -146,13 +148,13 @@ def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> Refused
         return RefusedError(
             Reason.NO_LIMB,
             "no edge of brightness in the frame is the limb of a lit body before a dark sky (disks of less than "
-            f"{2 * settings.least_radius_px:g} px and crescents thinner than {SPECK_PX} px are not looked for).",
+            f"{2 * settings.least_radius_px:g} px and crescents thinner than {CRESCENT_PX} px are not looked for).",
             REMEDY,
         )
-    sigma = float(np.sqrt(short.limb.covariance[2, 2]))
     return RefusedError(
         Reason.LIMB_TOO_SHORT,
         f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
-        f"its radius would be known to {sigma:.0%} (needed: {settings.arc_deg:g} deg and {settings.radius_sigma:.0%}).",
+        f"their scatter leaves its radius to {short.limb.arc_sigma:.1%} (needed: {settings.arc_deg:g} deg and "
+        f"{settings.radius_sigma:.0%}).",
         REMEDY,
     )

@@ -128,6 +128,8 @@ def solved_free(given: Problem, start: State) -> tuple[Solution, Level]:
     if blurred:
         near = solved_at(level, quick, level.up(blurred))
     oversample = settings.oversample or fine_oversample(near.state, level.scene, finely)
+    if oversample == near.model.oversample and near.converged:
+        return replace(near, given=level.problem(given)), level
     return solved_at(level, given.with_settings(oversample=oversample), level.up(near.state), near), level
 
 

@@ -11,9 +11,9 @@ MOST = 1e6
 
 def chi_square(freedom: int, chance: float) -> float:
     """The weighted square that so many differences exceed with the probability `chance`."""
-    from scipy.stats import chi2
+    from scipy.special import chdtri
 
-    return float(chi2.isf(chance, freedom))
+    return float(chdtri(freedom, chance))
 
 
 def growth_of(own: Array, others: Array, wanted: Array) -> float:

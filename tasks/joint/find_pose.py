@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from catalog.observation import Observation
 from catalog.pose import POSE_KEYS, Pose
 from catalog.reasons import Reason
+from tasks.bodies.masks import alone
 from tasks.correction import Correction
 from tasks.joint.beam_bending import Bending, displacement_of
 from tasks.joint.coarse_to_fine import (
@@ -62,6 +63,7 @@ def find_pose_jointly(
     elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
     Raises FailedError when too few pixels are usable.
     """
+    observation = alone(observation, pose, scene)
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
     priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)

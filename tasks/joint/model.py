@@ -17,12 +17,13 @@ from tasks.compare.occulted import finer
 from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.settings import JointSettings
-from tasks.joint.smear import smeared, trail_columns
+from tasks.joint.smear import trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
 from tasks.simulate.photometry import laws
 from tasks.simulate.pixels import detect
+from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px
 
 Image = NDArray[np.float32]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.robust import huber_cost, huber_weight
-from tasks.compiled import compiled
+from tasks.compiled import compiled, compiled_reordered
 from tasks.joint.thresholds import Thresholds
 from tasks.joint.tiles import GAINS, LOCAL, Tiles
 
@@ -74,31 +74,43 @@ def solve_linear(problem: LinearProblem, weight: Image, start: Image | None = No
 
     start: residuals (ny, nx) by which the first round is down-weighted.
     """
-    shape = problem.image.shape
-    n = len(problem.columns)
-    design = np.ascontiguousarray(np.concatenate([problem.columns, problem.local]).reshape(n + LOCAL, -1).T, np.float32)
-    target, base = problem.image.ravel(), np.ascontiguousarray(weight.ravel(), np.float32)
-    label = problem.tiles.label.ravel()
-    now = base if start is None else _robust(base, start.ravel(), problem.huber)
+    tiles, n, huber = problem.tiles, len(problem.columns), problem.huber
+    order, ends = tiles.order, tiles.ends
+    design = np.empty((n + LOCAL, len(order)), np.float32)
+    _in_order(problem.columns.reshape(n, -1), order, design[:n])
+    _in_order(problem.local.reshape(LOCAL, -1), order, design[n:])
+    target, base = problem.image.ravel()[order], weight.ravel()[order]
+    now = base if start is None else _robust(base, start.ravel()[order], huber)
     for _ in range(problem.thresholds.iteration.huber_rounds):
-        normal, right, cross, inner, inner_right = _accumulate(design, LOCAL, target, now, label, problem.tiles.count)
+        normal, right, cross, inner, inner_right = accumulated(design, n, target, now, ends)
         inner += problem.local_prior[:, :, None] * np.eye(LOCAL)
         # Every tile's unknowns expressed by the others: Schur's complement.
-        by_others = np.linalg.solve(inner, cross)
-        by_data = np.linalg.solve(inner, inner_right[..., None])[..., 0]
-        information = normal - np.einsum("tln,tlm->nm", cross, by_others)
-        reduced = right - np.einsum("tln,tl->n", cross, by_data)
+        by_all = np.linalg.solve(inner, np.concatenate([cross, inner_right[..., None]], axis=2))
+        by_others, by_data = by_all[..., :n], by_all[..., n]
+        eliminated = cross.reshape(-1, n).T @ by_all.reshape(-1, n + 1)
+        information = normal - eliminated[:, :n]
+        reduced = right - eliminated[:, n]
         whole = information + np.diag(problem.prior)
         values = scaled_inverse(whole) @ (reduced + problem.prior * problem.expected)
         own = by_data - by_others @ values
-        model, gain = _evaluate(design, LOCAL, GAINS, label, values, own)
+        model, gain = _evaluate(design, n, GAINS, ends, values, own)
         residual = target - model
-        now = _robust(base, residual, problem.huber)
-    cost = _cost(residual, base, problem.huber) + float(problem.prior @ (values - problem.expected) ** 2)
+        now = _robust(base, residual, huber)
+    cost = _cost(residual, base, huber) + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
     gain_information = inner[:, 0, 0] - problem.local_prior[:, 0]
-    gains = (gain.reshape(shape), residual.reshape(shape), now.reshape(shape))
-    return Fit(values, information, whole, *gains, cost, own, np.linalg.inv(inner), gain_information, by_others)
+    gain, residual, now = (_in_place(each, order, problem.image.shape) for each in (gain, residual, now))
+    inverse = np.asarray(np.linalg.inv(inner), np.float64)
+    return Fit(
+        values, information, whole, gain, residual, now, cost, own, inverse, gain_information, np.asarray(by_others)
+    )
+
+
+def _in_place(values: Image, order: NDArray[np.int64], shape: tuple[int, ...]) -> Image:
+    """The image (ny, nx) of values in the tiles' order."""
+    image = np.empty(len(order), np.float32)
+    image[order] = values
+    return image.reshape(shape)
 
 
 def scaled_inverse(matrix: Array) -> Array:
@@ -120,60 +132,90 @@ def _robust(weight: Image, residual: Image, huber: float) -> Image:
 
 
 @compiled
-def _accumulate(design, local, target, weight, label, tiles):  # type: ignore[no-untyped-def]
-    """Normal matrix and right side of the common unknowns, each tile's with them, and its own."""
-    pixels, width = design.shape
-    n = width - local
-    normal, right = np.zeros((n, n)), np.zeros(n)
-    cross, inner, inner_right = np.zeros((tiles, local, n)), np.zeros((tiles, local, local)), np.zeros((tiles, local))
-    row = np.zeros(width)
-    for i in range(pixels):
-        w = np.float64(weight[i])
-        if w <= 0:
-            continue
-        for j in range(width):
-            row[j] = design[i, j]
-        y = np.float64(target[i])
-        for j in range(n):
-            wr = w * row[j]
-            right[j] += wr * y
-            for k in range(j + 1):
-                normal[j, k] += wr * row[k]
-        t = label[i]
-        if t < 0:
-            continue
-        for a in range(local):
-            wr = w * row[n + a]
-            inner_right[t, a] += wr * y
-            for k in range(n):
-                cross[t, a, k] += wr * row[k]
-            for b in range(local):
-                inner[t, a, b] += wr * row[n + b]
-    for j in range(n):
-        for k in range(j):
-            normal[k, j] = normal[j, k]
-    return normal, right, cross, inner, inner_right
+def _in_order(columns, order, out):  # type: ignore[no-untyped-def]
+    for j in range(len(columns)):
+        for i in range(len(order)):
+            out[j, i] = columns[j, order[i]]
 
 
-@compiled
-def _evaluate(design, local, gains, label, values, own):  # type: ignore[no-untyped-def]
+def accumulated(
+    design: Image, n: int, target: Image, weight: Image, ends: NDArray[np.int64]
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Normal matrix (n, n) and right side (n,) of the common unknowns, each tile's with them (tiles, LOCAL, n), and its
+    own (tiles, LOCAL, LOCAL), (tiles, LOCAL). design: (n + LOCAL, pixels), in the tiles' order (see `Tiles`)."""
+    # So many pixels at a time that the fastest cache holds their columns.
+    block = np.zeros((len(design) + 4, 128))
+    outside, tiles = _accumulate(design, n, target, weight, ends, block)
+    whole = outside + tiles.sum(axis=0)
+    local = slice(n, -1)
+    normal, inner = np.tril(whole[:n, :n]), np.tril(tiles[:, local, local])
+    normal += np.tril(normal, -1).T
+    inner += np.swapaxes(np.tril(inner, -1), 1, 2)
+    return normal, whole[-1, :n], tiles[:, local, :n], inner, tiles[:, -1, local]
+
+
+@compiled_reordered
+def _accumulate(design, n, target, weight, ends, rows):  # type: ignore[no-untyped-def]
+    """Weighted products of all columns, the target as the last one, with each other, below the diagonal: of the pixels
+    outside all tiles, and of each tile's. rows: (columns + 3, block), room for a block of pixels, zero."""
+    width = len(design) + 1
+    outside, tiles = np.zeros((width, width)), np.zeros((len(ends) - 1, width, width))
+    block = rows.shape[1]
+    weighted = np.empty(block)
+    begin = 0
+    for t in range(len(ends)):
+        products, end = outside if t == 0 else tiles[t - 1], ends[t]
+        while begin < end:
+            size = min(end - begin, block)
+            for j in range(width - 1):
+                for i in range(size):
+                    rows[j, i] = design[j, begin + i]
+            for i in range(size):
+                rows[width - 1, i] = target[begin + i]
+            for j in range(width):
+                if t == 0 and n <= j < width - 1:
+                    continue
+                for i in range(size):
+                    weighted[i] = weight[begin + i] * rows[j, i]
+                # Four columns at a time: the weighted one is read a quarter as often.
+                for k in range(0, j + 1, 4):
+                    a, b, c, d = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
+                    to_a, to_b, to_c, to_d = 0.0, 0.0, 0.0, 0.0
+                    for i in range(size):
+                        to_a += weighted[i] * a[i]
+                        to_b += weighted[i] * b[i]
+                        to_c += weighted[i] * c[i]
+                        to_d += weighted[i] * d[i]
+                    products[j, k] += to_a
+                    if k + 1 < width:
+                        products[j, k + 1] += to_b
+                    if k + 2 < width:
+                        products[j, k + 2] += to_c
+                    if k + 3 < width:
+                        products[j, k + 3] += to_d
+            begin += size
+    return outside, tiles
+
+
+@compiled_reordered
+def _evaluate(design, n, gains, ends, values, own):  # type: ignore[no-untyped-def]
     """Model (p,), and what the tiles' first unknowns, the gains, add to it relative to the first column (p,)."""
-    pixels, width = design.shape
-    n = width - local
-    model, gain = np.zeros(pixels, np.float32), np.zeros(pixels, np.float32)
-    for i in range(pixels):
-        total = 0.0
-        for j in range(n):
-            total += design[i, j] * values[j]
-        t = label[i]
-        if t >= 0:
-            added, factor = 0.0, 0.0
-            for a in range(local):
-                added += design[i, n + a] * own[t, a]
-                if a < gains:
-                    factor += design[i, n + a] * own[t, a]
-            total += added
-            if design[i, n] != 0:
-                gain[i] = factor / design[i, n]
-        model[i] = total
+    width, pixels = design.shape
+    model, gain, factor = np.zeros(pixels, np.float32), np.zeros(pixels, np.float32), np.zeros(pixels)
+    total = np.zeros(pixels)
+    begin = 0
+    for t in range(len(ends)):
+        end = ends[t]
+        for j in range(width if t > 0 else n):
+            share = values[j] if j < n else own[t - 1, j - n]
+            for i in range(begin, end):
+                total[i] += share * design[j, i]
+            if n <= j < n + gains:
+                for i in range(begin, end):
+                    factor[i] += share * design[j, i]
+        for i in range(begin, end):
+            model[i] = total[i]
+            if t > 0 and design[n, i] != 0:
+                gain[i] = factor[i] / design[n, i]
+        begin = end
     return model, gain

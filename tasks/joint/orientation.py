@@ -1,6 +1,6 @@
 """The orientation of the joint solution, tested by the markings, and what to keep of it.
 
-Least squares always finds a turn of the body. It is kept where the image's markings bear it out better than the
+Least squares always finds a turn of the body. It is kept where the image's markings support it better than the
 predicted orientation; else the body stays as predicted, known as well as its prior says, and centre and range less
 well by their correlation with it.
 """
@@ -67,7 +67,7 @@ class Orientation:
 def oriented(
     given: Problem, solvers: Solvers, start: State, markings_match: bool, is_held: bool
 ) -> tuple[Estimate, Evidence | None, Orientation]:
-    """The estimate from `start` with the orientation that the image bears out, what the limb said, and the verdict.
+    """The estimate from `start` with the orientation that the image confirms, what the limb said, and the verdict.
 
     markings_match: False where the markings are already known not to be the map's. is_held: whether the user holds the
     attitude.
@@ -201,13 +201,13 @@ def with_prior(given: Problem, held: Estimate, free: Estimate, is_held: bool = F
 
 
 def conflict_of(turn_deg: float, prior_deg: float, verdict: Markings) -> str | None:
-    """The doubt that a turn raises which its prior hardly allows, unless the markings bear it out strongly."""
+    """The doubt that a turn raises which its prior hardly allows, unless the markings support it strongly."""
     if turn_deg <= CONFLICT_SIGMAS * prior_deg or is_borne_out(verdict):
         return None
     return (
         f"{Reason.ORIENTATION_CONFLICT}: "
         f"the image turns the body by {turn_deg:.1f} deg, which is known to {prior_deg:g} deg "
-        f"(1 sigma), and its markings bear that out by only {verdict.sigmas:.1f} sigmas. Check body_from_j2000."
+        f"(1 sigma), and its markings support that by only {verdict.sigmas:.1f} sigmas. Check body_from_j2000."
     )
 
 

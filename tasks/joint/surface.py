@@ -1,5 +1,6 @@
 """The target's surface under every sub-pixel, in closed form, and how its albedo changes when the body is turned."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,7 +8,7 @@ from numpy.typing import NDArray
 
 from catalog.pose import Pose
 from tasks.compiled import compiled_reordered
-from tasks.geometry.bilinear import bilinear
+from tasks.geometry.bilinear import bilinear, places_on_map
 from tasks.geometry.unit_sphere import closest_approach
 from tasks.simulate import Scene
 from tasks.simulate.coarse_map import map_as_coarse_as
@@ -55,7 +56,7 @@ def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int) -> F
         radii,
         np.asarray(pose.sun_direction_in_body),
         albedo,
-        scene.basemap.left_edge_deg,
+        float(scene.basemap.left_edge_deg) % 360.0,
         half_step,
         pixel_rad,
         (cover, mu0, mu, value, change),
@@ -65,88 +66,100 @@ def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int) -> F
 
 @compiled_reordered
 def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg, half_step, pixel_rad, out):  # type: ignore[no-untyped-def]
-    """Rays through the sub-pixels, in the body frame whose axes are scaled so that the target is the unit sphere."""
+    """Rays through the sub-pixels, in the body frame whose axes are scaled so that the target is the unit sphere. Each
+    loop over a row's columns does a part that the compiler can vectorise; the last one looks up the map."""
     cover, mu0, mu, value, change = out
     rows, columns = cover.shape
-    map_rows, map_columns = albedo.shape
     c = spacecraft @ spacecraft - 1.0
     along_x, along_y = to_scaled[:, 0].copy(), to_scaled[:, 1].copy()
     per_u, per_v = 2 * (along_x @ spacecraft), 2 * (along_y @ spacecraft)
     ox, oy, oz = spacecraft[0], spacecraft[1], spacecraft[2]
+    ax, ay, az = along_x[0], along_x[1], along_x[2]
+    bx, by, bz = along_y[0], along_y[1], along_y[2]
     rx, ry, rz = radii[0], radii[1], radii[2]
-    inverse_x, inverse_y, inverse_z = 1 / rx, 1 / ry, 1 / rz
+    inverse2_x, inverse2_y, inverse2_z = 1 / (rx * rx), 1 / (ry * ry), 1 / (rz * rz)
+    map_rows, map_columns = albedo.shape
     columns_per_rad, rows_per_rad = map_columns / (2 * np.pi), map_rows / np.pi
-    left_edge_rad = np.radians(left_edge_deg)
     degree = np.pi / 180
+    inside, x, y = np.empty(columns), np.empty(columns), np.empty(columns)
+    px, py, pz, flat = np.empty(columns), np.empty(columns), np.empty(columns), np.empty(columns)
     for i in range(rows):
         v = first[1] + i * step
+        # The direction at u = 0.
+        vx, vy, vz = bx * v + to_scaled[0, 2], by * v + to_scaled[1, 2], bz * v + to_scaled[2, 2]
         for j in range(columns):
             u = first[0] + j * step
-            dx = along_x[0] * u + along_y[0] * v + to_scaled[0, 2]
-            dy = along_x[1] * u + along_y[1] * v + to_scaled[1, 2]
-            dz = along_x[2] * u + along_y[2] * v + to_scaled[2, 2]
+            dx, dy, dz = vx + ax * u, vy + ay * u, vz + az * u
             b = dx * ox + dy * oy + dz * oz
-            if b >= 0:
-                continue
             # The ray hits where b^2 - q c > 0, with q = d.d, b = d.o; its gradient in (u, v) gives the limb's distance.
-            nearest_x, nearest_y, nearest_z, half_chord2, q = closest_approach(ox, oy, oz, dx, dy, dz)
-            inside = half_chord2 * q
-            slope_u = b * per_u - 2 * c * (along_x[0] * dx + along_x[1] * dy + along_x[2] * dz)
-            slope_v = b * per_v - 2 * c * (along_y[0] * dx + along_y[1] * dy + along_y[2] * dz)
-            slope = np.sqrt(slope_u * slope_u + slope_v * slope_v)
-            distance = inside / (slope * step)
-            if distance <= -0.5:
-                continue
-            filled = min(distance + 0.5, 1.0)
+            cx, cy, cz, half_chord2, q = closest_approach(ox, oy, oz, dx, dy, dz)
+            hits = half_chord2 * q
+            slope_u = b * per_u - 2 * c * (ax * dx + ay * dy + az * dz)
+            slope_v = b * per_v - 2 * c * (bx * dx + by * dy + bz * dz)
+            slope = math.sqrt(slope_u * slope_u + slope_v * slope_v) * step
+            distance = hits / slope if b < 0 else -1.0
+            filled = min(max(distance + 0.5, 0.0), 1.0)
             cover[i, j] = filled
-            if distance < 0.5:
-                # In the middle of the part that is filled: the limb's own emission would be met by no part of it.
-                inside = 0.5 * filled * slope * step
-            t = -np.sqrt(inside) / q
-            sx, sy, sz = nearest_x + t * dx, nearest_y + t * dy, nearest_z + t * dz
-            length = 1 / np.sqrt(sx * sx + sy * sy + sz * sz)
-            sx, sy, sz = sx * length, sy * length, sz * length
-            nx, ny, nz = sx * inverse_x, sy * inverse_y, sz * inverse_z
-            n = 1 / np.sqrt(nx * nx + ny * ny + nz * nz)
-            nx, ny, nz = nx * n, ny * n, nz * n
-            incidence = nx * sun[0] + ny * sun[1] + nz * sun[2]
-            ex, ey, ez = dx * rx, dy * ry, dz * rz
-            e = 1 / np.sqrt(ex * ex + ey * ey + ez * ez)
-            ex, ey, ez = ex * e, ey * e, ez * e
-            emission = -(nx * ex + ny * ey + nz * ez)
-            mu[i, j] = max(emission, 0.0)
-            if incidence <= 0:
+            # In the middle of the part that is filled: the limb's own emission would be met by no part of it.
+            inside[j] = 0.5 * filled * slope if distance < 0.5 else hits
+        begin, end = 0, columns
+        while begin < end and cover[i, begin] <= 0:
+            begin += 1
+        while end > begin and cover[i, end - 1] <= 0:
+            end -= 1
+        # Few arrays in each loop: the compiler must know that none overlaps another.
+        for j in range(begin, end):
+            u = first[0] + j * step
+            dx, dy, dz = vx + ax * u, vy + ay * u, vz + az * u
+            cx, cy, cz, half_chord2, q = closest_approach(ox, oy, oz, dx, dy, dz)
+            t = -math.sqrt(inside[j]) / q
+            sx, sy, sz = cx + t * dx, cy + t * dy, cz + t * dz
+            length = 1 / math.sqrt(sx * sx + sy * sy + sz * sz)
+            px[j], py[j], pz[j] = sx * length * rx, sy * length * ry, sz * length * rz
+        for j in range(begin, end):
+            u = first[0] + j * step
+            ex, ey, ez = (vx + ax * u) * rx, (vy + ay * u) * ry, (vz + az * u) * rz
+            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
+            length2 = (nx * nx + ny * ny + nz * nz) * (ex * ex + ey * ey + ez * ez)
+            mu[i, j] = max(-(nx * ex + ny * ey + nz * ez) / math.sqrt(length2), 0.0)
+        for j in range(begin, end):
+            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
+            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / math.sqrt(nx * nx + ny * ny + nz * nz)
+            mu0[i, j] = max(incidence, 0.0)
+        for j in range(begin, end):
+            flat[j] = max(math.sqrt(px[j] * px[j] + py[j] * py[j]), 1e-6)
+        places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)
+        for j in range(begin, end):
+            if mu0[i, j] <= 0:
                 continue
-            mu0[i, j] = incidence
-            px, py, pz = sx * rx, sy * ry, sz * rz
-            flat = max(np.sqrt(px * px + py * py), 1e-6)
-            far = np.sqrt(flat * flat + pz * pz)
-            around = np.arctan2(py, px) - left_edge_rad
-            x = (around - 2 * np.pi * np.floor(around / (2 * np.pi))) * columns_per_rad - 0.5
-            y = (0.5 * np.pi - np.arctan2(pz, flat)) * rows_per_rad - 0.5
+            at_x, at_y, emission = x[j], y[j], np.float64(mu[i, j])
+            cosine, sine, tangent = px[j] / flat[j], py[j] / flat[j], pz[j] / flat[j]
+            stretch = math.sqrt(1 + tangent * tangent)
             # Near the limb a sub-pixel covers a long strip of ground, away from the spacecraft: average along it.
-            total, strips = 0.0, 1
-            if emission < 0.3:
-                strips = int(min(0.6 / max(emission, 0.06), 10.0))
+            strips = int(min(0.6 / max(emission, 0.06), 10.0)) if emission < 0.3 else 1
             if strips > 1:
-                ux, uy, uz = -ex - emission * nx, -ey - emission * ny, -ez - emission * nz
-                east = (-py * ux + px * uy) / flat
-                north = (-(px * ux + py * uy) * pz / flat + flat * uz) / far
+                u = first[0] + j * step
+                ex, ey, ez = (vx + ax * u) * rx, (vy + ay * u) * ry, (vz + az * u) * rz
+                e = 1 / math.sqrt(ex * ex + ey * ey + ez * ez)
+                nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
+                n = emission / math.sqrt(nx * nx + ny * ny + nz * nz)
+                ux, uy, uz = -ex * e - nx * n, -ey * e - ny * n, -ez * e - nz * n
                 reach = 0.5 * pixel_rad * min(1 / max(emission, 0.06), 16.0)
-                strip_x = reach * east * far / flat * columns_per_rad
-                strip_y = -reach * north * rows_per_rad
+                east = reach * (uy * cosine - ux * sine) * stretch * columns_per_rad
+                north = reach * (uz - (ux * cosine + uy * sine) * tangent) / stretch * rows_per_rad
+                total = 0.0
                 for k in range(strips):
                     at = (2 * k + 1.0) / strips - 1.0
-                    total += bilinear(albedo, x + at * strip_x, y + at * strip_y)
+                    total += bilinear(albedo, at_x + at * east, at_y - at * north)
                 value[i, j] = total / strips
             else:
-                value[i, j] = bilinear(albedo, x, y)
+                value[i, j] = bilinear(albedo, at_x, at_y)
             # Per radian of longitude and latitude; then by the places that a turn of the body brings under the ray.
-            stretch = min(half_step * far / flat, map_columns / 8.0)
-            per_longitude = (bilinear(albedo, x + stretch, y) - bilinear(albedo, x - stretch, y)) / (2 * stretch)
+            wide = min(half_step * stretch, map_columns / 8.0)
+            per_longitude = (bilinear(albedo, at_x + wide, at_y) - bilinear(albedo, at_x - wide, at_y)) / (2 * wide)
             per_longitude *= columns_per_rad
-            per_latitude = (bilinear(albedo, x, y - half_step) - bilinear(albedo, x, y + half_step)) / (2 * half_step)
-            per_latitude *= rows_per_rad
-            change[0, i, j] = degree * (per_longitude * px * pz / (flat * flat) - per_latitude * py / flat)
-            change[1, i, j] = degree * (per_longitude * py * pz / (flat * flat) + per_latitude * px / flat)
+            above, below = bilinear(albedo, at_x, at_y - half_step), bilinear(albedo, at_x, at_y + half_step)
+            per_latitude = (above - below) / (2 * half_step) * rows_per_rad
+            change[0, i, j] = degree * (per_longitude * cosine * tangent - per_latitude * sine)
+            change[1, i, j] = degree * (per_longitude * sine * tangent + per_latitude * cosine)
             change[2, i, j] = -degree * per_longitude

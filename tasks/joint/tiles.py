@@ -8,6 +8,7 @@ moves its edge.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,16 @@ class Tiles:
     radius_px: float
     along: NDArray[np.float32]
     across: NDArray[np.float32]
+
+    @cached_property
+    def order(self) -> NDArray[np.int64]:
+        """Pixels (ny * nx,) one tile after the other, those outside all first."""
+        return np.argsort(self.label.ravel(), kind="stable")
+
+    @cached_property
+    def ends(self) -> NDArray[np.int64]:
+        """Where, in that order, the pixels outside all tiles end, and those of each tile (1 + count,)."""
+        return np.cumsum(np.bincount(self.label.ravel() + 1, minlength=self.count + 1))
 
     def neighbourhoods(self, size: int) -> NDArray[np.int32]:
         """Number (ny, nx) of the group of `size` sectors or `size` x `size` squares that a pixel is in, -1 outside

@@ -4,6 +4,7 @@ import hashlib
 import logging
 import os
 import re
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 logger = logging.getLogger("planetpose")
+# Products that an index may lack while a batch publishes more, as a share of those in it. Choice: all updates together
+# then read and write eleven times as many rows as there are products, however many there are.
+SHARE = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,15 +85,49 @@ def index_object_store(url: str) -> "pd.DataFrame":
 
 def note_in_index(store: Path, result: dict[str, Any]) -> None:
     """Bring the index of `store` up to date when `result` is of an image that was published just now."""
-    if result["status"] in PUBLISHED and "publish" not in result["cached"]:
+    if is_new(result):
         index_store(store)
 
 
-def index_store(store: Path) -> None:
-    """Bring the index of `store` up to date."""
+class Indexing:
+    """Keeps the indices of the stores that a batch publishes to: each is brought up to date when the products that it
+    lacks are more than SHARE of those in it, and when the `with` block ends. Doing so after each product would read and
+    write all rows as often as there are products."""
+
+    def __init__(self) -> None:
+        self._lacking: Counter[Path] = Counter()
+        self._rows: dict[Path, int] = {}
+
+    def note(self, store: Path, result: dict[str, Any]) -> None:
+        """Bring the index of `store` up to date if that is due now that `result` is there."""
+        if is_new(result):
+            self._lacking[store] += 1
+            if self._lacking[store] > SHARE * self._rows.get(store, 0):
+                self._update(store)
+
+    def _update(self, store: Path) -> None:
+        self._rows[store] = index_store(store)
+        del self._lacking[store]
+
+    def __enter__(self) -> "Indexing":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for store in list(self._lacking):
+            self._update(store)
+
+
+def is_new(result: dict[str, Any]) -> bool:
+    """Whether the image of `result` was published just now."""
+    return result["status"] in PUBLISHED and "publish" not in result["cached"]
+
+
+def index_store(store: Path) -> int:
+    """Bring the index of `store` up to date; how many rows it has then."""
     from tasks.publish.index import open_index
 
     try:
-        open_index(store)
+        return len(open_index(store))
     except OSError as error:  # the products are there all the same, and the next reader brings it up to date
         logger.warning("the index of %s was not written: %s", store, error)
+        return 0

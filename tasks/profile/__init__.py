@@ -1,5 +1,5 @@
-"""A profile chooses every step's brick and settings. It is a TOML file that builds on another profile: what it leaves
-out is as there."""
+"""A profile chooses the method and the settings of every step. It is a TOML file that builds on another profile: what
+it leaves out is as there."""
 
 from collections.abc import Iterable
 from functools import cache
@@ -11,17 +11,20 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from catalog.errors import RefusedError
 from catalog.plain_files import read_toml_file
 from catalog.plain_text import shown_path
+from catalog.pose import Pose
 from catalog.settings import DEFAULT_PROFILE
 from tasks.accept.settings import AcceptSettings, StillSettings
 from tasks.attitude import AttitudeSettings
+from tasks.closeup import CloseUpSettings, is_close_up
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.initial_pose.settings import ImagePoseSettings
 from tasks.joint.settings import Group, JointSettings
 from tasks.point import PointSettings
 from tasks.profile.layers import Content, Origin, differences, merged, with_later_completed, with_nothing
 from tasks.range import RangeSettings
-from tasks.registry import CORRECTIONS
+from tasks.registry import CLOSEUP, CORRECTIONS
 from tasks.roll import RollSettings
+from tasks.scene_inputs import SceneInputs
 from tasks.simulate import SceneSettings
 from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
@@ -46,7 +49,7 @@ GROUPS: tuple[Group, ...] = ("offset", "range", "roll", "attitude", "psf")
 
 class LaterPasses(BaseModel):
     """The second pass and those after it. steps: their corrections, in this order. point, roll, range, attitude,
-    joint: settings; None keeps those of the first pass."""
+    joint, closeup: settings; None keeps those of the first pass."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     steps: tuple[CorrectionName, ...] = Field(USUAL, min_length=1)
@@ -55,6 +58,7 @@ class LaterPasses(BaseModel):
     range: RangeSettings | None = None
     attitude: AttitudeSettings | None = None
     joint: JointSettings | None = None
+    closeup: CloseUpSettings | None = None
 
 
 class Profile(BaseModel):
@@ -79,6 +83,7 @@ class Profile(BaseModel):
     range: RangeSettings = RangeSettings()
     attitude: AttitudeSettings = AttitudeSettings()
     joint: JointSettings = JointSettings()
+    closeup: CloseUpSettings = CloseUpSettings()
     later: LaterPasses = LaterPasses()
     still: StillSettings = StillSettings()
     validate_: ValidateSettings = Field(ValidateSettings(), alias="validate")
@@ -101,6 +106,10 @@ class Profile(BaseModel):
         """Every setting with its value, defaults included, as plain JSON."""
         return self.model_dump(mode="json", by_alias=True, exclude={"origin"})
 
+    def takes_for_close_up(self, pose: Pose, scene: SceneInputs) -> bool:
+        """Whether a frame is matched to the base map, in one pass, in place of the usual corrections."""
+        return not self._is_held(CLOSEUP.name) and is_close_up(pose, scene.camera, scene.target, self.closeup)
+
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
         """The corrections of pass `number`, in the order of doing, without those that would change what is held."""
         steps = self.steps if number == 1 else self.later.steps
@@ -115,7 +124,7 @@ class Profile(BaseModel):
         """Settings of a correction in pass `number`. Raises AttributeError when there is no such correction."""
         later = getattr(self.later, correction) if number > 1 else None
         settings: BaseModel = later or getattr(self, correction)
-        if isinstance(settings, JointSettings):
+        if isinstance(settings, JointSettings | CloseUpSettings):
             held = tuple(group for group in GROUPS if group in (*settings.hold, *self.hold))
             return settings.model_copy(update={"hold": held})
         return settings

@@ -7,67 +7,17 @@ make forks and concurrent callers unsafe and the compilation several times longe
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tasks.compiled import compiled
+from tasks.geometry.arctangent import atan2_deg
 from tasks.geometry.unit_sphere import first_hit
-
-DEGREES = 180.0 / math.pi
-TINY = 1e-290  # keeps 0/0 at the poles and the sub-solar point from becoming NaN
-TAN_22_5 = math.sqrt(2.0) - 1.0
-
-
-def _atan_series() -> tuple[float, ...]:
-    """Coefficients of atan(r)/r in powers of r^2, exact to the last bits for |r| <= tan 22.5 deg (Chebyshev fit)."""
-    from numpy.polynomial import Chebyshev, Polynomial
-
-    def ratio(r2: NDArray[np.float64]) -> NDArray[np.float64]:
-        r = np.sqrt(np.maximum(r2, 1e-300))
-        return np.arctan(r) / r
-
-    fit = Chebyshev.interpolate(ratio, 13, domain=[0.0, TAN_22_5**2])
-    return tuple(float(c) for c in fit.convert(kind=Polynomial).coef)
-
-
-A0, A1, A2, A3, A4, A5, A6, A7, A8, A9, A10, A11, A12, A13 = _atan_series()
-
-
-@compiled
-def _atan2_deg(y: float, x: float) -> float:
-    """atan2 in degrees without branches or calls, to about 1e-14 deg; atan2(0, 0) is 0, NaN stays NaN."""
-    ay, ax = abs(y), abs(x)
-    steep = ay > ax
-    low = ax if steep else ay
-    high = (ay if steep else ax) + TINY
-    folded = low > TAN_22_5 * high
-    r = ((low - high) if folded else low) / ((low + high) if folded else high)
-    z = r * r
-    s = A13
-    s = s * z + A12
-    s = s * z + A11
-    s = s * z + A10
-    s = s * z + A9
-    s = s * z + A8
-    s = s * z + A7
-    s = s * z + A6
-    s = s * z + A5
-    s = s * z + A4
-    s = s * z + A3
-    s = s * z + A2
-    s = s * z + A1
-    s = s * z + A0
-    angle = r * s * DEGREES
-    angle = (angle + 45.0) if folded else angle
-    angle = (90.0 - angle) if steep else angle
-    angle = (180.0 - angle) if x < 0.0 else angle
-    return -angle if y < 0.0 else angle
 
 
 @compiled
 def _angle_deg(ax: float, ay: float, az: float, bx: float, by: float, bz: float) -> float:
     """Angle between two vectors of any length, exact also near 0 and 180."""
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    return _atan2_deg(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
+    return atan2_deg(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
 
 
 @compiled
@@ -94,13 +44,13 @@ def _intersect_row(anchor, backward, spacecraft, radii, dx, dy, px, py, pz):  # 
 @compiled
 def _latitude_row(px, py, pz, out):  # type: ignore[no-untyped-def]
     for i in range(out.size):
-        out[i] = _atan2_deg(pz[i], math.sqrt(px[i] * px[i] + py[i] * py[i]))
+        out[i] = atan2_deg(pz[i], math.sqrt(px[i] * px[i] + py[i] * py[i]))
 
 
 @compiled
 def _longitude_row(px, py, out):  # type: ignore[no-untyped-def]
     for i in range(out.size):
-        longitude = _atan2_deg(py[i], px[i])
+        longitude = atan2_deg(py[i], px[i])
         longitude = (longitude + 360.0) if longitude < 0.0 else longitude
         out[i] = 0.0 if longitude >= 360.0 else longitude
 

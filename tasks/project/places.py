@@ -1,5 +1,7 @@
 """From places on the body to the pixels that see them: the inverse of the projection."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -8,11 +10,24 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.project.pixels import seen_at
 from tasks.project.points import surface_points, visible
+from tasks.project.rays import rays_of
+from tasks.project.seen import Seen
 from tasks.project.sight import Sight, sight_of
 
 Array = NDArray[np.float64]
 LIGHT_TIME_ROUNDS = 3  # Jupiter turns by 2e-3 deg while light passes it, and the next round changes 1e-9 of that
 SAME_POINT = 1e-3  # of the mean radius: a shape model hides a place where a pixel sees a point farther away than this
+
+
+@dataclass(frozen=True)
+class Places:
+    """Places on the body as an image has them. points_km: (..., 3), body-fixed, NaN on no body. pixels: (..., 2),
+    undistorted, also of places that the body hides; NaN behind the camera. visible: (...), whether the image sees
+    them, be it outside of its frame."""
+
+    points_km: Array
+    pixels: Array
+    visible: NDArray[np.bool_]
 
 
 def pixels_of_places(
@@ -25,6 +40,14 @@ def pixels_of_places(
     beyond 90 degrees); a pixel may lie outside the frame. On a shape model the outermost point at a latitude and
     longitude is meant. Raises RefusedError when the pose puts the spacecraft inside the target.
     """
+    places = find_places(pose, camera, target, latitude_deg, longitude_deg)
+    return np.where(places.visible[..., None], places.pixels, np.nan)
+
+
+def find_places(
+    pose: Pose, camera: Camera, target: Target, latitude_deg: ArrayLike, longitude_deg: ArrayLike
+) -> Places:
+    """The same with the points themselves, and with the pixels that hidden ones would have."""
     sight = sight_of(pose, target)
     latitude, longitude = np.broadcast_arrays(*(np.asarray(a, dtype=np.float64) for a in (latitude_deg, longitude_deg)))
     latitude = np.where(np.abs(latitude) <= 90.0, latitude, np.nan)
@@ -37,7 +60,20 @@ def pixels_of_places(
             break
         fixed = longitude - turn
     pixels = _projected(sight, camera, points)
-    return np.where(_is_seen(pose, camera, target, points, pixels)[..., None], pixels, np.nan)
+    seen = _is_seen(pose, camera, target, points, pixels) & np.isfinite(pixels).all(axis=-1)
+    return Places(points, pixels, seen)
+
+
+def geometry_of_places(pose: Pose, camera: Camera, target: Target, places: Places) -> Seen:
+    """Angles and ranges of n places (points (n, 3)), also of those that an ellipsoid hides. On a shape model they are
+    those of its ellipsoid's normals where the place is hidden, of the triangle that is seen where it is not."""
+    radii = np.asarray(target.radii_km)
+    normals = places.points_km / radii**2
+    if target.shape is not None:
+        on_body, seen = seen_at(pose, camera, target, np.where(places.visible[:, None], places.pixels, np.nan))
+        normals[on_body] = seen.normals
+    to_camera = -rays_of(pose, camera, target).apparent_at(places.pixels)
+    return Seen(pose, camera, target, places.points_km, normals, to_camera)
 
 
 def _projected(sight: Sight, camera: Camera, points_km: Array) -> Array:

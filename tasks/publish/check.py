@@ -148,7 +148,10 @@ def _provenance_faults(attributes: Mapping[str, Any], product: str) -> Iterator[
 
 def _geometry_faults(cube: "xr.Dataset") -> Iterator[str]:
     """Planes that are not what the cube's own pose gives at some hundred pixels on the body."""
-    ys, xs = np.nonzero(((cube["quality"].values & Quality.OFF_BODY) == 0) & (cube["emission"].values < AT_LIMB_DEG))
+    seen = ((cube["quality"].values & Quality.OFF_BODY) == 0) & (cube["emission"].values < AT_LIMB_DEG)
+    if "body_id" in cube:
+        seen &= cube["body_id"].values == models_in(cube.attrs)[1].naif_id
+    ys, xs = np.nonzero(seen)
     if not len(ys):
         return
     chosen = np.random.default_rng(0).integers(0, len(ys), SAMPLES)

@@ -27,7 +27,7 @@ def cube_dataset(publication: Publication) -> "xr.Dataset":
     import xarray as xr
 
     arrays = cube_arrays(publication)
-    variables = variables_of(publication.pixel_space)
+    variables = variables_of(publication.pixel_space, "body_id" in arrays)
     planes = {v.name: (v.dims, arrays[v.name], _attributes(v.name, publication)) for v in variables}
     ny, nx = publication.pixels.image.shape
     frame = "raw" if publication.sensor else "undistorted"

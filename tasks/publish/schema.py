@@ -4,7 +4,7 @@
 from collections.abc import Iterable
 
 from tasks.publish.index_rows import COLUMNS
-from tasks.publish.variables import FLAGS, REQUIRED_ATTRIBUTES, SENSOR_VARIABLES, VARIABLES, Variable
+from tasks.publish.variables import BODY_VARIABLES, FLAGS, REQUIRED_ATTRIBUTES, SENSOR_VARIABLES, VARIABLES, Variable
 
 INTRODUCTION = """# What a store holds
 
@@ -25,7 +25,7 @@ STORE/PRODUCT/record.json      the key under which the product was made (not in 
 
 ```python
 xarray.open_zarr("STORE/PRODUCT/cube.zarr")  # lazy; also "https://.../cube.zarr" on any static web server
-pandas.read_parquet("STORE/index.parquet")  # the index as it was when the last product was published
+pandas.read_parquet("STORE/index.parquet")  # the index as it was when the last command that publishes ended
 tasks.publish.index.open_index("STORE")  # the same, brought up to date first
 tasks.publish.index.open_store("STORE")  # all cubes as one lazy xarray.DataTree
 ```
@@ -48,6 +48,8 @@ def schema_markdown() -> str:
         _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, VARIABLES)),
         "\nCubes of the detector's own pixels (`pixel_space` is `sensor`) hold also\n",
         _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, SENSOR_VARIABLES)),
+        "\nCubes whose frame more than one body or a ring concerns hold also\n",
+        _table(("variable", "type", "units", "range", "body", "meaning"), map(_variable_row, BODY_VARIABLES)),
         "\n### Flags of `quality`\n",
         _table(("bit", "flag"), ((str(int(flag)), str(flag.name).lower()) for flag in FLAGS)),
         "\n### Attributes that every cube has\n",

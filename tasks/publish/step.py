@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from catalog.camera import Camera
 from catalog.observation import Observation
+from catalog.pose import Pose
 from tasks.correcting import CorrectionResult
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.ingest.pose_step import PredictedPose
@@ -19,6 +21,9 @@ from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.scene_inputs import SceneInputs
+from tasks.separations.measure import separations
+from tasks.stars.separate import TOGETHER, separation
+from tasks.stars.step import StarsResult
 from tasks.step import Step, StepType
 from tasks.stored import load_arrays, load_observation
 from tasks.summary import calibrated, summary
@@ -97,6 +102,7 @@ class Found:
     start: StartResult | None
     corrections: dict[str, CorrectionResult]
     validate: ValidateResult
+    stars: StarsResult | None = None
 
 
 def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult:
@@ -105,6 +111,7 @@ def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult
     resumed = {"start": found.start.model_dump(mode="json")} if found.start else {}
     stated = calibrated(resumed | {name: result.to_dict() for name, result in found.corrections.items()})
     corrected = summary(inputs.predicted, inputs.pose, camera, stated)
+    corrected |= {"stars": stars_stated(inputs, found, corrected["uncertainty"])}
     publication = Publication(
         product=inputs.product,
         observation=load_observation(files.image_folder),
@@ -113,7 +120,7 @@ def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult
         pose_before=inputs.predicted,
         pose_after=inputs.pose,
         uncertainty=stated_uncertainty(stated),
-        result={**files.result, **corrected, **stated_of(found.validate)},
+        result={**files.result, **corrected, **stated_of(found.validate, corrected, camera, inputs.pose)},
         settings=dict(inputs.profile),
         provenance=provenance(inputs, found),
     )
@@ -132,7 +139,22 @@ def found_in(files: PublishFiles) -> Found:
         start=StartResult.model_validate(records["start"].result) if "start" in records else None,
         corrections={name: CorrectionResult.model_validate(records[name].result) for name in files.corrections},
         validate=ValidateResult.model_validate(records["validate"].result),
+        stars=StarsResult.model_validate(records["stars"].result) if "stars" in records else None,
     )
+
+
+def stars_stated(inputs: PublishInputs, found: Found, sigma: Json) -> Json:
+    """What a result says of stars: the camera's error and the target's apart, or why they are not."""
+    stars = found.stars
+    if stars is None or stars.orientation is None:
+        why = "no stars were looked for (`--stars`)" if stars is None else stars.found["reason"]
+        reason = f"{TOGETHER}: {why}"
+        return {"stars": 0, "reason": reason}
+    apart = separation(
+        stars.orientation, found.predicted.pose, inputs.predicted, inputs.pose, inputs.scene.camera, sigma
+    )
+    left_out = ("image", "camera", "utc", "missing", "warnings")
+    return {name: value for name, value in stars.found.items() if name not in left_out} | apart
 
 
 def with_distortion(publication: Publication, folder: Path, undistort: UndistortResult) -> Publication:
@@ -151,17 +173,24 @@ def with_distortion(publication: Publication, folder: Path, undistort: Undistort
     )
 
 
-def stated_of(report: ValidateResult) -> Json:
-    """What a result states of the step `validate`'s findings."""
+def stated_of(report: ValidateResult, correction: Json, camera: Camera, pose: Pose) -> Json:
+    """What a result states of the step `validate`'s findings. correction: see `summary`."""
     limb, orientation = report.limb, report.orientation
     return {
         "orientation": {"markings": orientation.verdict, "sigmas": orientation.sigmas, "kept": orientation.kept},
+        "bodies": separations(report.bodies, correction, camera, pose.range_km),
         "limb_rms_px": limb.rms_px,
         "limb_points": limb.points,
         "limb_robust_px": limb.robust_px,
         "limb_disagreeing": limb.disagreeing,
         "similarity": report.similarity.model_dump(mode="json"),
+        "patches": stated_patches(report.patches),
     }
+
+
+def stated_patches(patches: Json | None) -> Json | None:
+    """What confirms a close-up, without the single patches, which the provenance has; None of other images."""
+    return patches and {key: value for key, value in patches.items() if not isinstance(value, list)}
 
 
 def provenance(inputs: PublishInputs, found: Found) -> Json:

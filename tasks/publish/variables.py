@@ -110,12 +110,28 @@ SENSOR_VARIABLES = (
     ),
 )  # fmt: skip
 
-BY_NAME = {variable.name: variable for variable in VARIABLES + SENSOR_VARIABLES}
+BODY_VARIABLES = (
+    Variable(
+        "body_id", "int32", "1", "NAIF id of the body that the pixel sees, 0 for none", on_body=False,
+        comment="latitude to resolution_km are of this body; where it is not the target, quality has other_body",
+    ),
+    Variable(
+        "shadow", "float32", "1", "fraction of the Sun's disk that other bodies and rings cover at the surface", "",
+        (0.0, 1.0), comment="1 in the umbra; whether the Sun is up there is another matter, see incidence",
+    ),
+    Variable(
+        "ring_optical_depth", "float32", "1", "optical depth along the line of sight of the rings before what is seen",
+        "", (0.0, 1e13), on_body=False, comment="0 without; the light that comes through is exp(-depth)",
+    ),
+)  # fmt: skip
+
+BY_NAME = {variable.name: variable for variable in VARIABLES + SENSOR_VARIABLES + BODY_VARIABLES}
 
 
-def variables_of(pixel_space: str) -> tuple[Variable, ...]:
-    """What a cube in this pixel space holds."""
-    return VARIABLES + SENSOR_VARIABLES if pixel_space == SENSOR else VARIABLES
+def variables_of(pixel_space: str, several_bodies: bool = False) -> tuple[Variable, ...]:
+    """What a cube in this pixel space holds. several_bodies: another body or a ring concerns its frame."""
+    variables = VARIABLES + SENSOR_VARIABLES if pixel_space == SENSOR else VARIABLES
+    return variables + BODY_VARIABLES if several_bodies else variables
 
 
 REQUIRED_ATTRIBUTES = (
@@ -129,7 +145,8 @@ def cube_faults(cube: "xr.Dataset") -> list[str]:
     faults = [f"attribute {name} is missing" for name in REQUIRED_ATTRIBUTES if name not in cube.attrs]
     if GRID_MAPPING not in cube.variables:
         faults.append(f"variable {GRID_MAPPING} is missing")
-    variables = variables_of(cube.attrs.get("pixel_space", ""))
+    several = any(variable.name in cube.variables for variable in BODY_VARIABLES)
+    variables = variables_of(cube.attrs.get("pixel_space", ""), several)
     missing = [variable.name for variable in variables if variable.name not in cube.variables]
     faults += [f"variable {name} is missing" for name in missing]
     if missing:

@@ -1,4 +1,4 @@
-"""Range: the bricks by name."""
+"""Range: the methods by name."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.bodies.masks import alone
 from tasks.correction import Correction
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.range.similarity_scan import ScanSettings, find_range_by_similarity
@@ -31,6 +32,7 @@ def find_range(
 
     Raises FailedError when the method finds no answer within its limits.
     """
+    observation = alone(observation, pose, scene)
     if settings.method == "limb":
         return find_range_by_limb(observation, pose, scene, settings.limb, progress)
     return find_range_by_similarity(observation, pose, scene, settings.ssim, progress)

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 
+FILTER = Path(__file__).with_name("filter.js")  # what fits a filter, in the page and in `planetpose view`
+
+
 @dataclass(frozen=True)
 class Column:
     """A column of the table of images: heading, column(s) of the index, digits (None: text)."""
@@ -46,7 +49,23 @@ def index_page(entries: Sequence[ImageEntry], figures: Sequence[dict[str, Any]],
     verdicts = Counter(entry.status for entry in entries)
     rows = [(entry, [cell(entry.row.get(column.name), column.digits) for column in COLUMNS]) for entry in entries]
     template = environment().get_template("index.html.j2")
-    return template.render(columns=COLUMNS, rows=rows, figures=figures, head=head, verdicts=verdicts)
+    script, names = FILTER.read_text(encoding="utf-8"), ["product", *(column.name for column in COLUMNS)]
+    kinds = {"product": "text"} | {column.name: kind_of(column) for column in COLUMNS}
+    return template.render(
+        columns=COLUMNS,
+        rows=rows,
+        figures=figures,
+        head=head,
+        verdicts=verdicts,
+        script=script,
+        names=names,
+        kinds=kinds,
+    )
+
+
+def kind_of(column: Column) -> str:
+    """Of a column's values, for filters: text, number or time."""
+    return "time" if column.name == "utc" else "text" if column.digits is None else "number"
 
 
 def image_page(entry: ImageEntry, head: dict[str, Any], pictures: str, neighbours: Sequence[str | None]) -> str:

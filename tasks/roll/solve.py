@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.bodies.masks import alone
 from tasks.compare.brightness import correlation, fit_brightness
 from tasks.compare.match import Match, match_scene
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
@@ -93,8 +94,9 @@ def find_roll(
 
     changed: `roll_deg` and `turn_deg` (picture turned from +x towards +y, by the camera and by the target; one of them
     is 0), None when the image cannot tell; then the pose is returned unchanged and the evidence has the reason under
-    `left`. evidence: `assigned_to` (camera or target), `told_by` (image, or setting), and both trials.
+    `left`. evidence: `assigned_to` (camera or target), `decided_by` (image, or setting), and both trials.
     """
+    observation = alone(observation, pose, scene)
     n = reduction_for(pose, scene, settings.diameter_px)
     small = reduced_observation(observation, n)
     # One law, when it is not the surface's, leaves a shading that passes for turned markings.
@@ -120,7 +122,7 @@ def find_roll(
         "scan": None if scan is None else {kind: scan.best(kind) for kind in kinds},
         "scan_contrast": None if scan is None else scan.contrast(best.kind),
         "assigned_to": best.kind,
-        "told_by": "image" if decided and len(kinds) == 2 else "setting",
+        "decided_by": "image" if decided and len(kinds) == 2 else "setting",
         "trials": {kind: trial.to_dict() for kind, trial in trials.items()},
         "correlation_before": before,
         "correlation_after": best.correlation,

@@ -1,6 +1,7 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,14 +11,15 @@ from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.simulate.mitsuba_geometry import render_positions
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
+from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
 
 class SceneSettings(BaseModel):
-    """How simulations are made. psf_sigma_px: None takes the camera's. oversample: None chooses by the disk's size.
+    """How simulations are made. psf_sigma_px: None takes the camera's. trail_px: (x, y) of a line along which the
+    exposure spreads every point (see `tasks.simulate.trail`). oversample: None chooses by the disk's size.
     behind_share: where the target's surroundings are brighter than the frame's darkest parts by more than this share of
     its span of brightness, a body is taken to be behind the target, which hides its light (a moon in front of its
     planet, see `tasks.compare.occulted`); None never."""
@@ -25,8 +27,10 @@ class SceneSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     photometry: BasisName = "lunar-lambert"
     psf_sigma_px: float | None = Field(None, ge=0, le=20)
+    trail_px: tuple[float, float] = (0.0, 0.0)
     oversample: int | None = Field(None, ge=1, le=16)
     behind_share: float | None = Field(0.1, gt=0, lt=1)
+    rays: Literal["closed-form", "mitsuba-limb", "mitsuba"] = "closed-form"
 
 
 @dataclass(frozen=True)
@@ -109,25 +113,25 @@ class Scene:
         oversample = min(self.oversample_for(pose), enough)
         return replace(self, settings=self.settings.model_copy(update={"oversample": oversample}))
 
+    def with_rendered_limb(self) -> "Scene":
+        """The same with at least the limb rendered by Mitsuba."""
+        if self.settings.rays != "closed-form":
+            return self
+        return replace(self, settings=self.settings.model_copy(update={"rays": "mitsuba-limb"}))
+
     def window(self, pose: Pose, margin_px: float | None = None) -> Window:
         """The target's window (see `target_window`)."""
         return target_window(pose, self.camera, self.target, margin_px)
 
     def surface(self, pose: Pose, window: Window, oversample: int) -> Surface:
-        """Render the geometry by Mitsuba and look up cosines and albedo at every sub-pixel."""
-        from tasks.simulate.surface_loop import sampled_surface
-
-        points = render_positions(pose, self.camera, self.target, window, oversample)
-        hit, mu0, mu, albedo = sampled_surface(
-            points,
-            self.target.mean_radius_km,
-            np.array(self.target.radii_km, np.float64),
-            np.ascontiguousarray(pose.spacecraft_in_body_km, np.float64),
-            np.ascontiguousarray(pose.sun_direction_in_body, np.float64),
-            np.ascontiguousarray(self.basemap.albedo, np.float32),
-            float(self.basemap.left_edge_deg),
-        )
-        return Surface(hit, mu0, mu, albedo)
+        """Cosines and albedo at every sub-pixel, by the ray caster of the settings."""
+        if self.settings.rays == "mitsuba":
+            from tasks.simulate.mitsuba_geometry import rendered_surface as surface
+        elif self.settings.rays == "mitsuba-limb":
+            from tasks.simulate.mitsuba_geometry import surface_with_rendered_limb as surface
+        else:
+            from tasks.simulate.closed_form import ellipsoid_surface as surface
+        return Surface(*surface(pose, self.camera, self.target, self.basemap, window, oversample))
 
     def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
         """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
@@ -145,12 +149,16 @@ class Scene:
         surface = self.surface(pose, window, s)
         fine = self.shade(surface, pose.phase_deg)
         sigma = self.psf_sigma_px
+
+        def seen(plane: NDArray[np.float32]) -> NDArray[np.float32]:
+            return smeared(detect(plane, s, sigma), self.settings.trail_px)
+
         return Simulation(
             window=window,
             oversample=s,
             psf_sigma_px=sigma,
-            bases=np.stack([detect(surface.albedo * basis, s, sigma) for basis in fine]),
-            shading=np.stack([detect(basis, s, sigma) for basis in fine]),
-            coverage=detect(surface.hit.astype(np.float32), s, sigma),
-            lit=detect((surface.mu0 > 0).astype(np.float32), s, sigma),
+            bases=np.stack([seen(surface.albedo * basis) for basis in fine]),
+            shading=np.stack([seen(basis) for basis in fine]),
+            coverage=seen(surface.hit.astype(np.float32)),
+            lit=seen((surface.mu0 > 0).astype(np.float32)),
         )

@@ -49,11 +49,14 @@ class DarkLimb:
         return {"dark": self.dark, "seen": self.seen, "outside": self.outside, "outside_px": self.outside_px}
 
 
+NOT_SEEN = DarkLimb(0, 0, 0, None)
+
+
 def dark_limb(observation: Observation, pose: Pose, scene: Scene) -> DarkLimb:
     """Where the image has edges near the dark part of the limb of `pose`, sector by sector."""
     radius = disk_radius_px(pose, scene.camera, scene.target)
     if radius < SMALLEST_RADIUS_PX:
-        return DarkLimb(0, 0, 0, None)
+        return NOT_SEEN
     window = framed_window(scene, pose, margin_px=REACH_PX + 2.0)
     image, noise = (window.crop(a).astype(np.float64) for a in (observation.image, observation.noise))
     usable = window.crop(observation.usable, fill=False)

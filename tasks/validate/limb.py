@@ -71,9 +71,11 @@ class LimbReport(LimbFigures):
 def validate_limb(
     observation: Observation, pose: Pose, scene: Scene, settings: ValidateSettings | None = None
 ) -> LimbReport:
-    """Shift of the derivative's extremum between image and simulation on every segment across the lit limb."""
+    """Shift of the derivative's extremum between image and simulation on every segment across the lit limb, which
+    Mitsuba renders whatever found the pose."""
     settings = settings or ValidateSettings()
-    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=margin_px(settings)))
+    window = framed_window(scene, pose, margin_px=margin_px(settings))
+    match = match_scene(observation, scene.with_rendered_limb(), pose, window)
     edges = measure_limb(match, settings)
     wide = with_rim(observation, pose, scene)
     shift, horizontal = edges.shift_px, edges.segments.horizontal

@@ -110,7 +110,7 @@ def test_words_for_the_unknown_say_nothing(word: str) -> None:
         ({"DATE-OBS": f"{WHEN}Z"}, 0.0),
     ],
 )
-def test_start_middle_and_end_are_told_apart(header: dict[str, Any], middle: float) -> None:
+def test_start_middle_and_end_are_kept_apart(header: dict[str, Any], middle: float) -> None:
     found = fits_exposure_time(header, {})
     assert found.et == pytest.approx(et_from_utc(WHEN) + middle, abs=2e-3)
     assert found.contradictions == ()
@@ -166,7 +166,7 @@ def label(**changed: str) -> dict[str, str]:
     ["1970-01-01T00:00:00", "1981-12-11T18:57:23.00", "0000-01-01T00:00:00", "9999-12-31T23:59:59", "1980-346",
      "1980-12-11T18:57:60", "1980-13-11T18:57:23", "1980-12-11T12:57:23.00", "12:00:00", "garbage"],
 )  # fmt: skip
-def test_one_time_that_contradicts_the_rest_is_left_out_and_told(key: str, value: str, tmp_path: Path) -> None:
+def test_one_time_that_contradicts_the_rest_is_left_out_and_reported(key: str, value: str, tmp_path: Path) -> None:
     frame = read_frame(voyager_with_label(tmp_path, label(**{key: value}), SCET, 15360))
     assert frame.et == pytest.approx(et_from_utc(MIDDLE), abs=1.0)
     if value != "1980-346":  # the right day
@@ -185,7 +185,7 @@ def test_sound_labels_are_not_doubted(tmp_path: Path) -> None:
     assert (utc_from_et(frame.et or 0.0), frame.warnings) == (f"{MIDDLE}0000Z", ())
 
 
-def test_a_flight_label_that_contradicts_the_label_beside_it_is_told(tmp_path: Path) -> None:
+def test_a_flight_label_that_contradicts_the_label_beside_it_is_reported(tmp_path: Path) -> None:
     frame = read_frame(voyager_with_label(tmp_path, label(), "70.001 00:00:00", 15360))
     assert frame.et == pytest.approx(et_from_utc(MIDDLE), abs=0.1)
     assert "SCET" in frame.warnings[0]
@@ -211,7 +211,7 @@ SECONDS = st.floats(-8e8, 8e8)
 @given(st.lists(st.tuples(SECONDS, st.sampled_from(["start", "middle", "end", "near"])), min_size=1, max_size=5),
        st.floats(0, 1000) | st.none(), st.booleans())  # fmt: skip
 @settings(max_examples=150, deadline=None)
-def test_a_time_is_one_of_those_stated_and_every_other_one_is_told(
+def test_a_time_is_one_of_those_stated_and_every_other_one_is_reported(
     stated: list[tuple[float, Any]], length: float | None, gaps: bool
 ) -> None:
     claims = [c for n, (et, place) in enumerate(stated) for c in claim(f"K{n}", utc_from_et(et), place)]
@@ -221,8 +221,8 @@ def test_a_time_is_one_of_those_stated_and_every_other_one_is_told(
         return
     apart = [abs((c.et or 0.0) - found.et) for c in claims if c.et is not None]
     assert min(apart) <= 7200
-    told = " ".join(found.contradictions)
-    assert all(f"says {c} " in told.replace(",", " ").replace(":", ":") or a <= 7300
+    reported = " ".join(found.contradictions)
+    assert all(f"says {c} " in reported.replace(",", " ").replace(":", ":") or a <= 7300
                for c, a in zip([c for c in claims if c.et is not None], apart, strict=True))  # fmt: skip
 
 
@@ -252,7 +252,7 @@ def test_the_one_target_that_is_known_is_meant(value: str, target: str | None, t
     assert isinstance(frame.label_pose, PartialPose)
 
 
-def test_another_pipeline_s_flags_are_left_alone_and_told(tmp_path: Path) -> None:
+def test_another_pipeline_s_flags_are_left_alone_and_reported(tmp_path: Path) -> None:
     image = np.random.default_rng(0).normal(20, 5, (40, 50)).astype(np.float32)
 
     def read(name: str, marks: dict[str, str], origin: str = "", bits: int = 1) -> Frame:

@@ -155,7 +155,7 @@ def save_tiff(path: Path, image: NDArray[Any]) -> Path:
 
 
 @pytest.mark.parametrize("save", [save_fits, save_png, save_tiff])
-def test_in_every_format_the_quality_plane_says_so_and_the_user_is_told(
+def test_in_every_format_the_quality_plane_says_so_and_the_user_is_reported(
     save: Callable[[Path, NDArray[Any]], Path], tmp_path: Path
 ) -> None:
     image = as_float(disk(12.0, 2.5))

@@ -18,6 +18,7 @@ from PIL import Image
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.image_mode import ImageMode
+from catalog.lists.scan import looks_like_an_image
 from catalog.observation import Quality
 from catalog.readers import read_frame
 from catalog.readers.pds3_array import special_value
@@ -179,8 +180,18 @@ def test_members_that_begin_at_the_end_of_a_chunk(
     content = (tmp_path / "a.npy").read_bytes()
     first = pack(content[:1000])
     (tmp_path / "b.npy.packed").write_bytes(first + pack(content[1000:]))
-    monkeypatch.setattr("catalog.readers.packed.CHUNK_BYTES", len(first) + chunk)
+    monkeypatch.setattr("catalog.packed.CHUNK_BYTES", len(first) + chunk)
     same(tmp_path / "b.npy.packed", PICTURE.astype("i2"))
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_a_folder_is_searched_for_packed_images_too(pack: Callable[[bytes], bytes], tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", PICTURE.astype("i2"))
+    content = (tmp_path / "a.npy").read_bytes()
+    packed = {"a.packed": pack(content), "notes.packed": pack(b"a text"), "cut.packed": pack(content)[:8]}
+    for name, part in packed.items():
+        (tmp_path / name).write_bytes(part)
+    assert [name for name in sorted(packed) if looks_like_an_image(tmp_path / name)] == ["a.packed"]
 
 
 KEYWORDS = """Object = NaifKeywords
@@ -210,7 +221,9 @@ def test_a_cube_carries_the_camera_that_the_catalog_lacks(tmp_path: Path) -> Non
     assert camera.size_px == (SAMPLES, LINES)
     assert read_frame(path, "cassini-nac", mode=ImageMode(1, (0, 0, SAMPLES, LINES))).camera == "cassini-nac"
     (tmp_path / "b.cub.gz").write_bytes(gzip.compress(path.read_bytes()))
-    assert read_frame(tmp_path / "b.cub.gz").camera is None
+    packed = read_frame(tmp_path / "b.cub.gz").camera
+    assert packed == f"isis:{tmp_path / 'b.cub.gz'}"
+    assert find_camera(packed).centre_px == camera.centre_px
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def test_what_spice_reads_whole_is_given_to_it_as_it_is(text: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"KPL/PCK\nBODY999_RADII = ( 1 2 3 )\n", r"nor a text with \\begindata"),
         (b"KPL/PCK\n\\begindata now\nBODY999_RADII = ( 1 2 3 )\n", r"line 2 .*must be \\begindata and nothing else"),
@@ -84,7 +84,7 @@ def test_what_spice_reads_whole_is_given_to_it_as_it_is(text: str, tmp_path: Pat
         (b"KPL/PCK\n\\begindata\nA = '" + b"x" * 200 + b"'\n", "A a value of 202 characters"),
     ],
 )
-def test_a_text_kernel_that_loads_nothing_is_refused_by_name(content: bytes, told: str, tmp_path: Path) -> None:
+def test_a_text_kernel_that_loads_nothing_is_refused_by_name(content: bytes, reported: str, tmp_path: Path) -> None:
     for path in (tmp_path / "a.tpc", tmp_path / "a.kernel"):
         path.write_bytes(content)
         for use in (
@@ -92,7 +92,7 @@ def test_a_text_kernel_that_loads_nothing_is_refused_by_name(content: bytes, tol
             lambda path: refuse_what_holds_no_kernel([path]),
             lambda path: kernel_inputs(list_kernels([path])),
         ):
-            with pytest.raises(RefusedError, match=rf"a\.(tpc|kernel).*{told}"):
+            with pytest.raises(RefusedError, match=rf"a\.(tpc|kernel).*{reported}"):
                 use(path)
 
 
@@ -209,18 +209,18 @@ def test_a_member_s_name_may_have_letters_beyond_ascii(tmp_path: Path) -> None:
     assert pool(meta_of(tmp_path, "'größe.tpc'")) == GOOD
 
 
-def test_a_member_that_is_no_file_is_told_as_what_it_is(tmp_path: Path) -> None:
+def test_a_member_that_is_no_file_is_reported_as_what_it_is(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.tpc")
     (tmp_path / "zero.tpc").symlink_to("/dev/zero")
     (tmp_path / "loop.tpc").symlink_to("loop.tpc")
     (tmp_path / "folder").mkdir()
-    for name, told in {
+    for name, reported in {
         "pipe.tpc": "a pipe",
         "zero.tpc": "a device",
         "loop.tpc": "links",
         "folder": "directory",
     }.items():
-        with pytest.raises(RefusedError, match=f"{name} cannot be read.*{told}"):
+        with pytest.raises(RefusedError, match=f"{name} cannot be read.*{reported}"):
             list_kernels([meta_of(tmp_path, f"'{name}'")])
     endless = " ".join(["'" + "b" * 100 + "+'"] * 50)
     with pytest.raises(RefusedError, match="is not there"):

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from catalog.camera import Camera
 from catalog.errors import RefusedError
+from catalog.flips import PLACES, Flip, flipped, geometry_as_flipped
 from catalog.label_geometry import orientation_note, pose_from_label_geometry, unit_vector
 from catalog.pose import Pose
 from catalog.target import RotationModel, Target
@@ -115,3 +116,22 @@ def test_a_missing_value_is_named() -> None:
     partial = {key: value for key, value in GEOMETRY.items() if key != "north_azimuth_deg"}
     with pytest.raises(RefusedError, match="north_azimuth_deg"):
         pose_from_label_geometry(partial, CAMERA, BODY, ET)
+
+
+@pytest.mark.parametrize("flip", list(PLACES))
+def test_a_labels_scalars_follow_the_picture_that_is_flipped(flip: Flip) -> None:
+    """A mark at the centre and one 40 px further towards north: where they are in the flipped picture."""
+    ny, nx = 300, 500
+    geometry = {**GEOMETRY, "centre_x_px": 320.0, "centre_y_px": 110.0, "north_azimuth_deg": 35.0}
+    picture = np.zeros((ny, nx))
+    x, y = 320 + 40 * np.cos(np.radians(35)), 110 + 40 * np.sin(np.radians(35))
+    picture[110, 320], picture[round(y), round(x)] = 1.0, 2.0
+    after = flipped(picture, flip)
+    found = geometry_as_flipped(geometry, flip, (ny, nx))
+    (centre_y, centre_x), (north_y, north_x) = (np.argwhere(after == mark)[0] for mark in (1.0, 2.0))
+    assert (found["centre_x_px"], found["centre_y_px"]) == pytest.approx((centre_x, centre_y))
+    azimuth = np.degrees(np.arctan2(north_y - centre_y, north_x - centre_x)) % 360
+    assert found["north_azimuth_deg"] == pytest.approx(azimuth, abs=1.5)  # the mark is at a whole pixel
+    assert {key: found[key] for key in found if key[:2] != "ce" and key[:2] != "no"} == {
+        key: GEOMETRY[key] for key in GEOMETRY if key[:2] != "ce" and key[:2] != "no"
+    }

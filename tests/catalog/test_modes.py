@@ -252,3 +252,50 @@ def test_each_value_says_where_it_came_from() -> None:
     }
     assert (facts["stated"].summing, facts["stated"].first) == (2, (20, 10))
     assert (facts["targets"], facts["filter"]) == (("tethys",), "CL1/IR3")
+
+
+BOTH = "INSTRUMENT_MODE_ID='SUM2' SUMMING_MODE={}"
+
+
+@pytest.mark.parametrize(("size", "other", "summing"), [((512, 512), 1, 2), ((1024, 1024), 1, 1), ((256, 256), 4, 4)])
+def test_of_summings_that_contradict_each_other_the_frames_size_decides(
+    size: tuple[int, int], other: int, summing: int, tmp_path: Path
+) -> None:
+    pixels = picture(*size)
+    vicar_file(tmp_path / "a.img", pixels, f"{ISS} {BOTH.format(other)}")
+    frame = read_frame(tmp_path / "a.img")
+    assert frame.mode.summing == summing
+    assert any("summing" in warning and "it is taken as" in warning for warning in frame.warnings)
+
+
+def test_summings_that_contradict_each_other_in_a_window_are_named(tmp_path: Path) -> None:
+    label = f"{ISS} {BOTH.format(1)} FIRST_LINE=101 FIRST_LINE_SAMPLE=51"
+    vicar_file(tmp_path / "a.img", picture(90, 80), label)
+    with pytest.raises(
+        RefusedError, match=r"2x2 summing by INSTRUMENT_MODE_ID.*1x1 summing by SUMMING_MODE.*--summing"
+    ):
+        read_frame(tmp_path / "a.img")
+    frame = read_frame(tmp_path / "a.img", mode=ImageMode(2, (50, 100, 160, 180), "--summing"))
+    assert frame.mode.summing == 2
+
+
+@pytest.mark.parametrize("label", ["SUMMING_MODE=2", "INSTRUMENT_MODE_ID='SUM2' SUMMING_MODE=2 BINNING=2"])
+def test_summings_that_agree_are_no_contradiction(label: str, tmp_path: Path) -> None:
+    vicar_file(tmp_path / "a.img", picture(512, 512), f"{ISS} {label}")
+    frame = read_frame(tmp_path / "a.img")
+    assert (frame.mode.summing, frame.warnings) == (2, ())
+
+
+@pytest.mark.parametrize(("lines", "camera"), [(244, "near-msi-raw"), (412, "near-msi")])
+def test_of_cameras_of_one_name_the_frames_size_chooses(lines: int, camera: str, tmp_path: Path) -> None:
+    label = "INSTRUMENT_HOST_NAME='NEAR EARTH ASTEROID RENDEZVOUS' INSTRUMENT_ID='MSI' TARGET_NAME='EROS'"
+    vicar_file(tmp_path / "a.img", picture(lines, 537), label)
+    assert read_frame(tmp_path / "a.img").camera == camera
+
+
+def test_nears_oblong_pixels_look_where_the_archives_square_ones_look() -> None:
+    square, oblong = find_camera("near-msi"), find_camera("near-msi-raw")
+    places = RNG.uniform(-0.5, [536.5, 411.5], (60, 2))
+    on_ccd = np.column_stack([places[:, 0], (places[:, 1] + 0.5) * 244 / 412 - 0.5])
+    apart = square.detector_ray(places) - oblong.detector_ray(on_ccd)
+    assert np.abs(apart).max() * square.focal_length_px < 1e-9

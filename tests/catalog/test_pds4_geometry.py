@@ -79,7 +79,7 @@ def test_the_sun_by_way_of_the_spacecraft(tmp_path: Path) -> None:
     assert parts.sun_from_target_km == pytest.approx(-SUN_TO_TARGET - parts.target_from_spacecraft_km)
 
 
-def test_vectors_with_reversed_signs_are_not_believed(tmp_path: Path) -> None:
+def test_vectors_with_reversed_signs_are_not_assumed(tmp_path: Path) -> None:
     """As those of a New Horizons label of 2019 are."""
     parts, faults = read(tmp_path, label_text(sign=-1.0))
     assert parts.target_from_spacecraft_km is None

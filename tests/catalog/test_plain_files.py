@@ -51,7 +51,7 @@ def test_files_nested_without_end_are_refused_by_name(kind: str, text: str, tmp_
 
 
 @pytest.mark.parametrize(
-    ("kind", "content", "told"),
+    ("kind", "content", "reported"),
     [
         ("json", b'{"et": NaN}', "NaN is no finite number"),
         ("json", b'{"et": -Infinity}', "Infinity is no finite number"),
@@ -74,14 +74,14 @@ def test_files_nested_without_end_are_refused_by_name(kind: str, text: str, tmp_
     ],
 )
 def test_numbers_keys_and_encodings_that_mean_nothing_are_refused_by_name(
-    kind: str, content: bytes, told: str, tmp_path: Path
+    kind: str, content: bytes, reported: str, tmp_path: Path
 ) -> None:
     path = tmp_path / f"odd.{kind}"
     path.write_bytes(content)
     for read in READ[kind]:
         with pytest.raises(RefusedError, match=r"odd\.") as refusal:
             read(str(path))
-        assert told in refusal.value.fault
+        assert reported in refusal.value.fault
 
 
 def test_a_byte_order_mark_of_utf_8_is_no_fault(tmp_path: Path) -> None:

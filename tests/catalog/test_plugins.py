@@ -92,7 +92,7 @@ def test_a_camera_is_given_as_file_folder_content_sequence_function_or_package(
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("given", "reported"),
     [
         (CAMERA | {"size_px": 3}, "camera-file-invalid: camera file of given_by_plugins: size_px"),
         (Path("nowhere.toml"), "camera-file-unreadable"),
@@ -102,14 +102,14 @@ def test_a_camera_is_given_as_file_folder_content_sequence_function_or_package(
         (CAMERA | {"name": "galileo-ssi"}, "the name is taken"),
     ],
 )
-def test_a_camera_that_cannot_be_used_is_told_and_the_others_stay(
-    given: Any, told: str, install: Install, caplog: pytest.LogCaptureFixture
+def test_a_camera_that_cannot_be_used_is_reported_and_the_others_stay(
+    given: Any, reported: str, install: Install, caplog: pytest.LogCaptureFixture
 ) -> None:
     install(CAMERAS, {"bad": given, "good": CAMERA})
     before = camera.read_camera_file(camera.CAMERA_FOLDER / "galileo-ssi.toml")
     assert camera.known_cameras()["galileo-ssi"] == before
     assert camera.known_cameras()["mine"].focal_length_px == 100.0
-    assert told in caplog.text
+    assert reported in caplog.text
     assert caplog.text.count("planetpose: ") == 1
 
 
@@ -154,7 +154,7 @@ def test_a_readers_file_is_read_by_it_and_every_other_by_ours(install: Install, 
 
 
 @pytest.mark.parametrize(
-    ("gives", "told"),
+    ("gives", "reported"),
     [
         (KeyError("LINES"), "cannot read image .*KeyError: 'LINES'"),
         (np.eye(3), "gives ndarray for image .* instead of a Reading"),
@@ -164,14 +164,14 @@ def test_a_readers_file_is_read_by_it_and_every_other_by_ours(install: Install, 
         (RefusedError("image-unreadable", "its own words."), "^its own words"),
     ],
 )
-def test_a_readers_faults_are_the_images_refusal(gives: Any, told: str, install: Install, tmp_path: Path) -> None:
+def test_a_readers_faults_are_the_images_refusal(gives: Any, reported: str, install: Install, tmp_path: Path) -> None:
     install(READERS, {"mine": MyReader(gives)})
     (tmp_path / "image.dat").write_bytes(b"MINE")
-    with pytest.raises(RefusedError, match=told):
+    with pytest.raises(RefusedError, match=reported):
         readers.read_frame(tmp_path / "image.dat")
 
 
-def test_a_reader_that_fails_over_another_file_is_told_and_not_used(
+def test_a_reader_that_fails_over_another_file_is_reported_and_not_used(
     install: Install, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     class Bad(MyReader):
@@ -234,7 +234,7 @@ def test_what_a_law_or_a_registration_gives_is_checked(install: Install) -> None
     assert photometry.bases_of("lambert") == (photometry.lambert,)
 
 
-def test_two_plugins_of_one_name_are_told(install: Install, caplog: pytest.LogCaptureFixture) -> None:
+def test_two_plugins_of_one_name_are_reported(install: Install, caplog: pytest.LogCaptureFixture) -> None:
     install(LAWS, {"flat": np.sqrt})
     install(LAWS, {"flat": np.square})
     assert [plugin.name for plugin in plugins.plugins_of(LAWS)] == ["flat"]

@@ -195,7 +195,7 @@ def camera_file(path: Path, **content: Any) -> str:
     return str(path)
 
 
-def test_a_camera_or_target_that_contradicts_the_label_is_told(tmp_path: Path) -> None:
+def test_a_camera_or_target_that_contradicts_the_label_is_reported(tmp_path: Path) -> None:
     path = fits_file(tmp_path / "a.fits", ("", np.ones((800, 800), np.uint8)), CAMERA="galileo-ssi", TARGET="EUROPA")
     frame = read_frame(path, camera="voyager1-nac", target="io")
     assert (frame.camera, frame.target) == ("voyager1-nac", "io")
@@ -255,7 +255,7 @@ def test_cubes_and_archives_are_refused_with_a_remedy(tmp_path: Path) -> None:
 def test_every_catalog_camera_can_be_found_by_each_of_its_label_names() -> None:
     for camera in known_cameras().values():
         for name in camera.label_names:
-            assert camera_of_names([name.lower()]) == camera.name
+            assert camera_of_names([name.lower()], camera.detector_size_px) == camera.name
 
 
 def test_target_spellings() -> None:

@@ -13,7 +13,7 @@ from catalog.reasons import TEXTS, Reason, reason_texts
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = [
     path
-    for floor in ("catalog", "tasks", "local_server", "flows", "planetpose", "lab")
+    for floor in ("catalog", "tasks", "local_server", "flows", "planetpose", "viewer", "lab")
     for path in (ROOT / floor).rglob("*.py")
 ]
 ERRORS = {"RefusedError", "FailedError", "NoMaximumError", "Diagnosis"}

@@ -139,7 +139,7 @@ def test_a_pipe_that_takes_a_file_s_place_is_noticed(tmp_path: Path, monkeypatch
 
 
 @given(st.text(), st.binary(max_size=20))
-def test_what_is_told_is_one_printable_line(text: str, name: bytes) -> None:
+def test_what_is_reported_is_one_printable_line(text: str, name: bytes) -> None:
     for given_text in (text, os.fsdecode(name)):
         error = RefusedError("code", f"image {given_text}", given_text)
         assert error.reason.isprintable()

@@ -23,7 +23,7 @@ def nothing_configured(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("variable", FOLDERS)
-def test_a_user_without_a_home_is_told_what_to_set(variable: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_user_without_a_home_is_reported_what_to_set(variable: str, monkeypatch: pytest.MonkeyPatch) -> None:
     def nowhere() -> Path:
         raise RuntimeError("Could not determine home directory.")
 
@@ -48,9 +48,9 @@ def test_a_home_that_nothing_can_be_made_in_names_the_variable(
     folder = FOLDERS[variable][0]()
     with pytest.raises(OSError, match="a file") as trouble:
         folder.mkdir(parents=True)
-    told = file_trouble(trouble.value)
-    assert "Set PLANETPOSE_" in told
-    assert all(name in told for name in FOLDERS)
+    reported = file_trouble(trouble.value)
+    assert "Set PLANETPOSE_" in reported
+    assert all(name in reported for name in FOLDERS)
 
 
 @pytest.mark.parametrize("variable", FOLDERS)

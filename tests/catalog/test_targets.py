@@ -184,7 +184,7 @@ def test_map_and_shape_may_lie_beside_the_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         ("name = 'v'", "naif_id: Field required"),
         ("name = 'v'\nnaif_id = 1\nradii_km = [1, 0, 1]", "radii_km.1"),
@@ -196,13 +196,13 @@ def test_map_and_shape_may_lie_beside_the_file(tmp_path: Path) -> None:
     ],
 )
 def test_a_target_file_that_is_none_is_refused_by_name_and_field(
-    content: str | None, told: str, tmp_path: Path
+    content: str | None, reported: str, tmp_path: Path
 ) -> None:
     if content is not None:
         (tmp_path / "v.toml").write_text(content)
     with pytest.raises(RefusedError, match=r"v\.toml|gone\.obj") as refusal:
         find_target(str(tmp_path / "v.toml"))
-    assert told in refusal.value.fault
+    assert reported in refusal.value.fault
     assert refusal.value.remedy
 
 
@@ -245,13 +245,13 @@ def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
         fits.writeto(tmp_path / f"{name}.fits", np.full((3, 3), value, np.float32))
     listed = load_image_list(tmp_path / "list.csv")
     settings = ReprocessOptions(images=str(tmp_path / "list.csv"), store=str(tmp_path / "out"))
-    asked = request_of(listed, listed.entries[0], settings, find_profile("joint"))
-    assert asked.target == str(tmp_path / "v.toml")
+    requested = request_of(listed, listed.entries[0], settings, find_profile("joint"))
+    assert requested.target == str(tmp_path / "v.toml")
     assert [fault for fault in check_list(tmp_path / "list.csv").faults if "gone.toml" in fault]
 
 
 @pytest.mark.parametrize(
-    ("radius_km", "told_km", "relief_km"),
+    ("radius_km", "stated_km", "relief_km"),
     [
         (10.0, None, 0.35),
         (150.0, None, 5.25),
@@ -261,10 +261,10 @@ def test_a_list_names_target_files_relative_to_itself(tmp_path: Path) -> None:
         (10.0, 0.1, 0.1),
     ],
 )
-def test_relief_is_as_told_or_that_of_bodies_of_its_size(
-    radius_km: float, told_km: float | None, relief_km: float
+def test_relief_is_as_reported_or_that_of_bodies_of_its_size(
+    radius_km: float, stated_km: float | None, relief_km: float
 ) -> None:
-    body = Target(name="body", naif_id=1, radii_km=(radius_km,) * 3, relief_km=told_km)
+    body = Target(name="body", naif_id=1, radii_km=(radius_km,) * 3, relief_km=stated_km)
     assert body.expected_relief_km == pytest.approx(relief_km)
 
 

@@ -75,7 +75,7 @@ def test_every_depth_and_white_as_zero(bits: int, white: bool, tmp_path: Path) -
     [
         (np.zeros((9, 8, 5), "u1"), {"photometric": "minisblack", "planarconfig": "contig"}, "5 planes.*--plane"),
         (np.zeros((3, 9, 8), "u2"), {"photometric": "minisblack", "planarconfig": "separate"}, "3 planes.*--plane"),
-        (np.zeros((5, 9, 8), "f4"), {"photometric": "minisblack"}, "several pages .5 or more."),
+        (np.zeros((5, 9, 8), "f4"), {"photometric": "minisblack"}, r"5 planes: 1 \(page 1\).*--plane"),
         (np.zeros((9, 8), "c8"), {"photometric": "minisblack"}, "complex64"),
         (np.zeros((9, 8), "f4"), {"photometric": "miniswhite"}, "float32 whose zero is white"),
         (np.zeros((9, 8), "u1"), {"photometric": "palette", "colormap": np.zeros((3, 256), "u2")}, "palette"),
@@ -87,6 +87,42 @@ def test_what_is_no_one_grey_picture_is_refused_by_name(
     tifffile.imwrite(tmp_path / "a.tif", pixels, **options)
     with pytest.raises(RefusedError, match=rf"a\.tif.*{named}"):
         read_frame(tmp_path / "a.tif")
+
+
+@pytest.mark.parametrize("kind", ["uint8", "uint16", "float32"])
+@pytest.mark.parametrize("big", [False, True])
+def test_of_several_pages_the_named_one_is_read(kind: str, big: bool, tmp_path: Path) -> None:
+    pages = [(RNG.random((40 + n, 53)) * 200).astype(kind) for n in range(3)]
+    with tifffile.TiffWriter(tmp_path / "a.tif", bigtiff=big) as file:
+        for number, page in enumerate(pages):
+            file.write(page, photometric="minisblack", extratags=[(274, "H", 1, 1 + 2 * (number == 2), True)])
+            if number == 0:
+                file.write(page[::2, ::2], photometric="minisblack", subfiletype=1)  # a smaller copy is no page
+    assert np.array_equal(read_frame(tmp_path / "a.tif", plane="2").observation.image, pages[1].astype("f4"))
+    turned = read_frame(tmp_path / "a.tif", plane="page 4")  # the file's fourth picture; stored upside down
+    assert np.array_equal(turned.observation.image, pages[2][::-1, ::-1].astype("f4"))
+    with pytest.raises(RefusedError, match="there is no plane '4'"):
+        read_frame(tmp_path / "a.tif", plane="4")
+
+
+@pytest.mark.parametrize("place", [2**63, 2**64 - 1, 10**12])
+def test_a_directory_that_lies_beyond_all_files_is_damage(place: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", full_range("u2"), bigtiff=True, byteorder="<")
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    content[8:16] = place.to_bytes(8, "little")
+    (tmp_path / "a.tif").write_bytes(content)
+    with pytest.raises(RefusedError, match=r"a\.tif"):
+        read_frame(tmp_path / "a.tif")
+
+
+def test_bands_of_several_pages_are_planes(tmp_path: Path) -> None:
+    pages = [RNG.integers(0, 200, (2, 20, 30)).astype("u1") for _ in range(2)]
+    with tifffile.TiffWriter(tmp_path / "a.tif") as file:
+        for page in pages:
+            file.write(page, photometric="minisblack", planarconfig="separate")
+    with pytest.raises(RefusedError, match=r"4 planes: 1 \(page 1 band 1\)"):
+        read_frame(tmp_path / "a.tif")
+    assert np.array_equal(read_frame(tmp_path / "a.tif", plane="page 2 band 1").observation.image, pages[1][0])
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))

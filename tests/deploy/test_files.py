@@ -50,15 +50,15 @@ def test_only_the_server_is_published_and_on_this_machine_alone() -> None:
 @pytest.mark.parametrize("path", SETTINGS, ids=lambda path: path.name)
 def test_no_secret_is_in_a_file(path: Path) -> None:
     secret = re.compile(r"(password|secret_access_key|secret-access-key|auth_string)\W*[:=]\s*[\"']?([^\s\"'#]+)", re.I)
-    told = [match.group(2) for match in secret.finditer(path.read_text()) if "example" not in path.name]
-    assert [text for text in told if not text.startswith(("${", "{", "$", "PASSWORD"))] == []
+    reported = [match.group(2) for match in secret.finditer(path.read_text()) if "example" not in path.name]
+    assert [text for text in reported if not text.startswith(("${", "{", "$", "PASSWORD"))] == []
 
 
 def test_a_variable_of_the_compose_file_is_in_the_example_or_has_a_default() -> None:
-    asked = set(re.findall(r"\$\{(\w+):\?", (DEPLOY / "compose.yaml").read_text()))
+    requested = set(re.findall(r"\$\{(\w+):\?", (DEPLOY / "compose.yaml").read_text()))
     offered = set(re.findall(r"^(\w+)=", (DEPLOY / "example.env").read_text(), re.M))
-    assert asked <= offered
-    assert asked >= {"POSTGRES_PASSWORD", "PREFECT_AUTH_STRING"}
+    assert requested <= offered
+    assert requested >= {"POSTGRES_PASSWORD", "PREFECT_AUTH_STRING"}
 
 
 def test_the_image_runs_as_nobody_in_particular_and_copies_what_exists() -> None:

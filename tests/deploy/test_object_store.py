@@ -169,7 +169,7 @@ def test_the_index_follows_the_products_in_the_store(url: str, tmp_path: Path) -
     assert len(object_store_index(store, mirror)) == 0
 
 
-def test_a_store_that_is_not_there_or_may_not_be_used_is_told(
+def test_a_store_that_is_not_there_or_may_not_be_used_is_reported(
     s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = write_product(tmp_path, "k1")

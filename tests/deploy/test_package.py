@@ -21,7 +21,7 @@ import yaml  # type: ignore[import-untyped]
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-PACKAGES = ("catalog", "tasks", "local_server", "flows", "lab", "planetpose")
+PACKAGES = ("catalog", "tasks", "local_server", "flows", "viewer", "lab", "planetpose")
 NOT_IN_SDIST = (".ci/*", ".gitignore", ".pre-commit-config.yaml")
 
 

@@ -54,13 +54,13 @@ def test_what_the_environment_sets_stays() -> None:
 
 
 @pytest.mark.parametrize(
-    ("host", "port", "told"),
+    ("host", "port", "reported"),
     [("127.0.0.1", 4321, "http://127.0.0.1:4321/api"), ("::1", 80, "http://[::1]:80/api"), ("0.0.0.0", 4321, "/api")],
 )
-def test_the_page_talks_to_the_port_that_it_came_from(host: str, port: int, told: str) -> None:
+def test_the_page_talks_to_the_port_that_it_came_from(host: str, port: int, reported: str) -> None:
     """As Prefect itself reads the environment of the server."""
     script = "from prefect.settings import get_current_settings as s; print(s().server.ui.api_url)"
     environment = serving_environment(host, port, dict(os.environ))
     command = [sys.executable, "-c", script]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True, timeout=300)
-    assert done.stdout.strip() == told
+    assert done.stdout.strip() == reported

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-FLOORS = ("catalog", "tasks", "local_server", "flows", "planetpose", "lab")
+FLOORS = ("catalog", "tasks", "local_server", "flows", "planetpose", "viewer", "lab")
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS))
 
@@ -50,8 +50,8 @@ def test_every_camera_has_a_page() -> None:
 
 
 def test_every_key_of_a_result_is_explained() -> None:
-    told = set(re.findall(r"`([a-z_]+)`", (DOCS / "reference/result.md").read_text(encoding="utf-8")))
-    assert set(EMPTY) <= told
+    reported = set(re.findall(r"`([a-z_]+)`", (DOCS / "reference/result.md").read_text(encoding="utf-8")))
+    assert set(EMPTY) <= reported
 
 
 def test_every_command_is_in_the_reference(site: Path) -> None:
@@ -60,14 +60,14 @@ def test_every_command_is_in_the_reference(site: Path) -> None:
 
 
 def test_every_variable_of_the_environment_is_explained() -> None:
-    told = (DOCS / "reference/environment.md").read_text(encoding="utf-8")
+    reported = (DOCS / "reference/environment.md").read_text(encoding="utf-8")
     read = re.compile(r"environ(?:\.get\(|\[)\"(PLANETPOSE_[A-Z_]+)\"|envvar=\"(PLANETPOSE_[A-Z_]+)\"")
     sources = "".join(
         path.read_text(encoding="utf-8") for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))
     )
     used = {name for pair in read.findall(sources) for name in pair if name}
     assert len(used) >= 5
-    assert {name for name in used if f"`{name}`" not in told} == set()
+    assert {name for name in used if f"`{name}`" not in reported} == set()
 
 
 def test_no_page_is_forgotten() -> None:

@@ -21,7 +21,7 @@ ALERT = ROOT / "deploy" / "automations" / "alert.py"
 
 
 @pytest.fixture
-def told() -> Iterator[tuple[str, SimpleQueue[Any]]]:
+def reported() -> Iterator[tuple[str, SimpleQueue[Any]]]:
     """An address of this machine, and what is posted there."""
     posted: SimpleQueue[Any] = SimpleQueue()
 
@@ -60,16 +60,16 @@ while True:  # the server takes up a new automation in its own time
 """
 
 
-def test_too_many_failed_images_are_told_to_the_address(server_state: Path, told: Any) -> None:
+def test_too_many_failed_images_are_reported_to_the_address(server_state: Path, reported: Any) -> None:
     assert server_state
-    url, posted = told
+    url, posted = reported
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_API")}
     environment["PYTHONPATH"] = str(ROOT)
-    with subprocess.Popen([sys.executable, "-c", TELLS, str(ALERT), url], env=environment) as telling:
+    with subprocess.Popen([sys.executable, "-c", TELLS, str(ALERT), url], env=environment) as reporting:
         try:
             message = posted.get(timeout=300)
         finally:
-            telling.kill()
+            reporting.kill()
     assert "12.5 % of 8 images of europa57" in message["text"]
 
 

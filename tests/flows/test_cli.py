@@ -14,6 +14,7 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 
 from catalog.pose import Pose
+from flows.guided import REQUESTS
 from flows.progress import Silent
 from flows.request import Request
 from flows.result import EMPTY
@@ -29,8 +30,10 @@ ARGUMENTS = [
 KEYS = [
     "product", "image", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "warnings",
     "profile_origin", "guidance", "centre_px", "offset_px", "range_factor", "attitude_deg", "roll_deg",
-    "range_factor_free", "psf_sigma_px", "uncertainty", "settled", "orientation", "limb_rms_px", "limb_points",
-    "limb_robust_px", "limb_disagreeing", "similarity", "pose", "cube", "overlay", "tried", "seconds", "cached",
+    "range_factor_free", "psf_sigma_px", "uncertainty", "settled", "orientation", "stars", "bodies", "limb_rms_px",
+    "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "patches", "pose", "cube", "overlay", "tried",
+    "seconds",
+    "cached",
 ]  # fmt: skip
 
 
@@ -230,7 +233,7 @@ def test_bad_options_refuse_the_image_and_say_why(
     assert not Path("out").exists()
 
 
-def test_a_store_that_is_a_file_is_told_before_any_work(here: Path, server_state: Path) -> None:
+def test_a_store_that_is_a_file_is_reported_before_any_work(here: Path, server_state: Path) -> None:
     (here / "taken").write_text("")
     for store, name in (("taken", "taken is a file"), ("taken/below", "taken on its way is a file")):
         done = command(here, server_state, "correct", *ARGUMENTS, "--store", store, COLUMNS="400")
@@ -241,7 +244,7 @@ def test_a_store_that_is_a_file_is_told_before_any_work(here: Path, server_state
         assert "Traceback" not in done.stderr
 
 
-def test_what_cannot_be_written_is_told_in_one_line(
+def test_what_cannot_be_written_is_reported_in_one_line(
     corrected: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
 ) -> None:
     (tmp_path / "taken").write_text("")
@@ -257,8 +260,8 @@ def test_a_folder_in_place_of_an_image_is_refused_saying_what_to_give(here: Path
     (here / "raw").mkdir()
     done = command(here, server_state, "correct", "raw", "--store", "out", "-q")
     assert (done.returncode, done.stderr) == (1, "")
-    told = "image-is-folder: image raw is a folder. Give the files in it, for example raw/*.IMG."
-    assert done.stdout == f"raw: refused: {told}\n"
+    reported = "image-is-folder: image raw is a folder. Give the files in it, for example raw/*.IMG."
+    assert done.stdout == f"raw: refused: {reported}\n"
 
 
 @pytest.mark.parametrize(
@@ -323,7 +326,7 @@ def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: 
     assert len({json.dumps(result["pose"]) for result in results}) == 1
     assert servers == 1
     left = {path.name for path in (here / "out").iterdir()}
-    assert left == {"small", "index.parquet", ".index.lock"}  # no temporary is left
+    assert left == {"small", "index.parquet", ".index.lock", REQUESTS}  # no temporary is left
 
 
 def test_lists_of_cameras_targets_and_profiles(tmp_path: Path) -> None:

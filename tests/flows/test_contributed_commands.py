@@ -67,7 +67,7 @@ def test_another_distribution_adds_a_command(tmp_path: Path, monkeypatch: pytest
 
 
 @pytest.mark.parametrize(
-    ("module", "text", "told"),
+    ("module", "text", "reported"),
     [
         ("needing", "import a_package_that_is_missing", "a_package_that_is_missing"),
         ("withextra", "import a_package_that_is_missing", r"pip install 'plugin\[withextra\]'"),
@@ -76,7 +76,7 @@ def test_another_distribution_adds_a_command(tmp_path: Path, monkeypatch: pytest
     ],
 )
 def test_a_command_that_cannot_be_loaded_says_what_to_install_and_hinders_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, text: str, told: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, module: str, text: str, reported: str
 ) -> None:
     installed(
         tmp_path,
@@ -90,7 +90,7 @@ def test_a_command_that_cannot_be_loaded_says_what_to_install_and_hinders_no_oth
         error = CliRunner().invoke(app, arguments).exception
         assert isinstance(error, RefusedError)
         assert error.reason.startswith("command-unusable: `planetpose bad`")
-        assert re.search(told, error.reason)
+        assert re.search(reported, error.reason)
         assert "pip install 'plugin" in error.reason
 
 

@@ -44,10 +44,10 @@ def run(prefect_api: str, plain_environment: dict[str, Any], monkeypatch: pytest
     monkeypatch.setattr("flows.result.corrected", lambda chain: {"cube": str(chain.done["publish"].folder)})
 
     def run_images(*images: Path, **changes: Any) -> list[dict[str, Any]]:
-        told: list[dict[str, Any]] = []
+        reported: list[dict[str, Any]] = []
         requests = [Request(**({"image": image, **plain_environment} | changes)) for image in images]
-        results = run_requests(requests, prefect_api, 2, Silent(), told.append)
-        assert told == results
+        results = run_requests(requests, prefect_api, 2, Silent(), reported.append)
+        assert reported == results
         return results
 
     return run_images
@@ -167,7 +167,7 @@ def test_an_image_that_is_refused_leaves_nothing_in_the_store(
     assert done(work_log) == ["read"]
 
 
-def test_two_images_that_would_become_one_product_are_told_apart(run: Run, tmp_path: Path, work_log: Path) -> None:
+def test_two_images_that_would_become_one_product_are_kept_apart(run: Run, tmp_path: Path, work_log: Path) -> None:
     paths = [tmp_path / folder / "same.txt" for folder in ("a", "b")]
     for number, path in enumerate(paths):
         path.parent.mkdir()
@@ -214,13 +214,13 @@ def test_a_server_that_does_not_answer_gives_every_image_a_result(
     nowhere = f"http://127.0.0.1:{free_port()}/api"
     from prefect.settings import PREFECT_API_URL, temporary_settings
 
-    told: list[dict[str, Any]] = []
+    reported: list[dict[str, Any]] = []
     with temporary_settings({PREFECT_API_URL: nowhere}):
         requests = [Request(image=image("seven", "7"), **plain_environment)]
-        results = run_requests(requests, nowhere, 1, Silent(), told.append)
+        results = run_requests(requests, nowhere, 1, Silent(), reported.append)
     assert [result["status"] for result in results] == ["failed"]
     assert results[0]["reason"].startswith("prefect: ")
-    assert told == results
+    assert reported == results
     assert done(work_log) == []
 
 
@@ -239,7 +239,7 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
     monkeypatch.setattr("flows.one_image.correct_image", fake_chain)
     monkeypatch.setattr("flows.result.known_before_correction", lambda chain: {})
     requests = [Request(image=image(name, name), **plain_environment) for name in ("1", "2", "3")]
-    at_work, stop, told = Event(), Event(), []
+    at_work, stop, reported = Event(), Event(), []
 
     class Interrupting(Silent):
         def message(self, product: str, step: str, iteration: int, text: str) -> None:
@@ -248,7 +248,7 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
                 stop.wait(300)
 
         def finished(self, product: str, status: str, reason: str | None) -> None:
-            told.append((product, status, reason))
+            reported.append((product, status, reason))
 
     def interrupted_batch() -> None:
         with ThreadPoolExecutor(1) as pool, module.stopping(pool, stop):
@@ -259,8 +259,8 @@ def test_an_interrupted_batch_stops_at_the_next_iteration_and_begins_no_other_im
 
     with pytest.raises(KeyboardInterrupt):
         interrupted_batch()
-    assert [(product, status) for product, status, _ in told] == [("1", "failed")]
-    assert str(told[0][2]).startswith("interrupted:")
+    assert [(product, status) for product, status, _ in reported] == [("1", "failed")]
+    assert str(reported[0][2]).startswith("interrupted:")
     assert done(work_log) == ["read", "double"]  # the step at work ends, the next one does not begin
 
 
@@ -275,11 +275,11 @@ def test_ctrl_c_that_only_a_rendering_hears_ends_the_batch_as_well(
     from flows import correct as module
     from tasks.step import run as run_plainly
 
-    begun, told, first_ends = [], [], Event()
+    begun, reported, first_ends = [], [], Event()
 
     class Listening(Silent):
         def finished(self, product: str, status: str, reason: str | None) -> None:
-            told.append((product, str(reason)))
+            reported.append((product, str(reason)))
 
     def chain_of(chain: Any) -> None:
         begun.append(chain.request.product)
@@ -305,7 +305,7 @@ def test_ctrl_c_that_only_a_rendering_hears_ends_the_batch_as_well(
     with pytest.raises(KeyboardInterrupt):
         batch()
     assert sorted(begun) == ["1", "2"]
-    assert [reason.partition(":")[0] for _, reason in told] == ["interrupted", "interrupted"]
+    assert [reason.partition(":")[0] for _, reason in reported] == ["interrupted", "interrupted"]
 
 
 def test_ctrl_c_is_heard_at_once_after_mitsuba_gave_the_signal_back_as_one_that_wakes_nobody() -> None:

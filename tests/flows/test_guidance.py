@@ -246,20 +246,20 @@ def test_an_adjusted_store_has_pose_files_from_which_correct_goes_on(
     assert result["centre_px"] == pytest.approx(TRUE_CENTRE_PX, abs=0.1)
 
 
-def test_a_label_that_names_another_target_is_told_on_stderr_in_result_and_provenance(
+def test_a_label_that_names_another_target_is_reported_on_stderr_in_result_and_provenance(
     correct: Correct, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     labelled = tmp_path / "here" / "labelled.fits"
     with Image.open(tmp_path / "here" / "small.png") as picture:
         fits.writeto(labelled, np.asarray(picture), fits.Header({"TARGET": "IO"}))
     result = correct(image="labelled.fits")
-    told = "the label says target io, --target europa is used"
+    reported = "the label says target io, --target europa is used"
     assert result["status"] in ("ok", "doubtful"), result["reason"]
-    assert result["guidance"]["overruled"] == [told]
+    assert result["guidance"]["overruled"] == [reported]
     with open_cube(Path(result["cube"])) as cube:
-        assert json.loads(cube.attrs["provenance"])["guidance"]["overruled"] == [told]
+        assert json.loads(cube.attrs["provenance"])["guidance"]["overruled"] == [reported]
     warn(result)
-    assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {told}"
+    assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {reported}"
 
 
 @pytest.mark.parametrize("flip", ["y", "rot90"])

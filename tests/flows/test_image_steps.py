@@ -44,7 +44,7 @@ REPORT = ValidateResult(
 )
 
 
-def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT, **told: Any) -> Chain:
+def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT, **reported: Any) -> Chain:
     """The chain after two passes whose corrections all say the same; those of a kind also say what `told` does."""
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
 
@@ -55,7 +55,7 @@ def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT
             cause = Cause(code="image-mirrored", fault="it is mirrored.", remedy="Give --flip x.")
             result = DiagnoseResult(diagnosis=cause, evidence={})
         else:
-            own = told if step.kind is kind else {}
+            own = reported if step.kind is kind else {}
             result = CorrectionResult(pose=step.inputs.pose, changed=changed, **own)
         return Record(step.name, step.key, step.code, {}, result.model_dump(mode="json"), 0.0, "now")
 
@@ -74,7 +74,7 @@ def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT
 
 
 @pytest.mark.parametrize("moved", [True, False])
-def test_later_steps_get_the_displaced_image_and_are_told_of_it(tmp_path: Path, moved: bool) -> None:
+def test_later_steps_get_the_displaced_image_and_are_reported_of_it(tmp_path: Path, moved: bool) -> None:
     chain = chain_of(tmp_path, ["joint", "point"], ["joint"], image_moved=moved)
     steps = {name: done.step for name, done in chain.done.items()}
     seen = {name: step.inputs.scene.observation for name, step in steps.items()}
@@ -92,7 +92,7 @@ def test_later_steps_get_the_displaced_image_and_are_told_of_it(tmp_path: Path, 
 
 
 @pytest.mark.parametrize("match", [None, True, False])
-def test_the_joint_step_is_told_when_the_markings_are_not_the_map_s(tmp_path: Path, match: bool | None) -> None:
+def test_the_joint_step_is_reported_when_the_markings_are_not_the_map_s(tmp_path: Path, match: bool | None) -> None:
     chain = chain_of(tmp_path, ["attitude", "joint"], ["joint"], ATTITUDE, markings_match=match)
     assert chain.done["joint-1"].step.inputs.markings_match == (match is not False)
 
@@ -107,14 +107,14 @@ FOLLOWS, OTHER = "joint-not-settled: it moves. Check.", "range-conflict: it is 5
 
 
 @pytest.mark.parametrize(
-    ("said", "told"),
+    ("said", "reported"),
     [(None, []), (FOLLOWS, [CAUSE, FOLLOWS]), (OTHER, [OTHER])],
 )
 def test_the_cause_is_looked_for_where_a_doubt_may_follow_from_another_fault(
-    tmp_path: Path, said: str | None, told: list[str]
+    tmp_path: Path, said: str | None, reported: list[str]
 ) -> None:
     chain = chain_of(tmp_path, ["joint"], ["joint"], evidence={"doubt": said})
-    assert doubts(chain) == told
+    assert doubts(chain) == reported
     assert ("diagnose" in chain.done) == (said == FOLLOWS)
 
 

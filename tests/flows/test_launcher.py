@@ -12,7 +12,7 @@ import pytest
 from catalog.children import LAUNCHER, our_command, our_module, their_module
 
 MINE = "open({!r}, 'a').write(__name__ + chr(10)); raise SystemExit('a file of the user was executed')\n"
-NAMES = ("tasks", "flows", "catalog", "lab")
+NAMES = ("tasks", "flows", "catalog", "viewer", "lab")
 WHERE = """
 import json, sys
 import planetpose_launcher, flows, tasks.atomic, catalog.settings, lab
@@ -104,3 +104,23 @@ def test_what_was_imported_before_under_our_names_is_forgotten(monkeypatch: pyte
     planetpose_launcher.pin()
     assert list(sys.modules) == ["json"]
     assert sys.meta_path == [planetpose_launcher.OwnPackages]
+
+
+@pytest.mark.parametrize("set_by_user", [{}, {"OPENBLAS_NUM_THREADS": "3"}])
+def test_blas_gets_one_thread_unless_the_environment_says_otherwise(
+    set_by_user: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import planetpose_launcher
+
+    for name in planetpose_launcher.ONE_THREAD:
+        monkeypatch.delenv(name, raising=False)
+    for name, value in set_by_user.items():
+        monkeypatch.setenv(name, value)
+    code = (
+        "import json, os, sys\nfrom planetpose_launcher import ONE_THREAD, main\n"
+        "sys.argv = ['planetpose', '-m', 'this']\nmain()\n"
+        "print(json.dumps({name: os.environ[name] for name in ONE_THREAD}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60)
+    expected = dict.fromkeys(planetpose_launcher.ONE_THREAD, "1") | set_by_user
+    assert json.loads(done.stdout.splitlines()[-1]) == expected

@@ -21,6 +21,7 @@ from catalog.loopback import (
     proxy_for,
     set_unusable_proxies_aside,
 )
+from flows.progress import reporter
 from local_server import reachable
 from local_server.reachable import ServerError, check_reachable, said_when_it_takes_long
 from local_server.server import answers
@@ -77,7 +78,7 @@ def test_what_is_this_machine(host: str) -> None:
 
 @pytest.mark.parametrize("variable", SPELLINGS)
 @pytest.mark.parametrize("value", [DEAD, "127.0.0.1:9", "socks5://127.0.0.1:9"])
-def test_a_server_of_this_machine_is_asked_without_a_proxy(
+def test_a_server_of_this_machine_is_reached_without_a_proxy(
     serving: Any, monkeypatch: pytest.MonkeyPatch, variable: str, value: str
 ) -> None:
     monkeypatch.setenv(variable, value)
@@ -152,10 +153,10 @@ def fault_at(url: str, *aside: Proxy) -> str:
 
 
 def test_a_server_that_is_not_there_is_named_with_a_remedy() -> None:
-    told = fault_at(f"{DEAD}/api")
-    assert "no Prefect server answers at http://127.0.0.1:9/api: [Errno 111] Connection refused" in told
-    assert "--server local or embedded" in told
-    assert "proxy" not in told
+    reported = fault_at(f"{DEAD}/api")
+    assert "no Prefect server answers at http://127.0.0.1:9/api: [Errno 111] Connection refused" in reported
+    assert "--server local or embedded" in reported
+    assert "proxy" not in reported
 
 
 @pytest.mark.parametrize("variable", ["http_proxy", "HTTP_PROXY", "all_proxy", "ALL_PROXY"])
@@ -165,10 +166,10 @@ def test_a_proxy_that_is_not_there_is_named_without_its_password(
     monkeypatch.setenv(variable, "http://me:secret@127.0.0.1:9")
     if "all" in variable:  # urllib knows none for all schemes; httpx does
         monkeypatch.setattr(reachable, "_fault_of", lambda url: "unreachable")
-    told = fault_at("http://prefect.example.org/api")
-    assert f"The request went through {variable}=http://...@127.0.0.1:9" in told
-    assert "no_proxy=prefect.example.org" in told
-    assert "secret" not in told
+    reported = fault_at("http://prefect.example.org/api")
+    assert f"The request went through {variable}=http://...@127.0.0.1:9" in reported
+    assert "no_proxy=prefect.example.org" in reported
+    assert "secret" not in reported
 
 
 @pytest.mark.parametrize("status", [403, 407, 502, 503, 504])
@@ -176,9 +177,9 @@ def test_a_proxy_that_does_not_let_us_through_is_named(
     serving: Any, monkeypatch: pytest.MonkeyPatch, status: int
 ) -> None:
     monkeypatch.setenv("http_proxy", f"http://127.0.0.1:{serving(status)}")
-    told = fault_at("http://prefect.example.org/api")
-    assert f"the proxy answers with {status}" in told
-    assert "http_proxy=" in told
+    reported = fault_at("http://prefect.example.org/api")
+    assert f"the proxy answers with {status}" in reported
+    assert "http_proxy=" in reported
 
 
 def test_a_proxy_that_prefect_cannot_use_is_named_where_it_matters(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -219,6 +220,18 @@ def test_waiting_is_said_only_when_it_takes_long(capfd: pytest.CaptureFixture[st
         patch.setattr(sys, "stderr", Heard())
         with said_when_it_takes_long("waiting for nobody", after_s=0):
             assert said.wait(300)
+
+
+def test_quietly_nothing_is_said_of_what_is_waited_for() -> None:
+    before = set(threading.enumerate())  # threads of other tests may take a moment to end
+
+    def speakers() -> list[str]:
+        return [thread.name for thread in set(threading.enumerate()) - before]
+
+    with reporter(1, quiet=True), said_when_it_takes_long("waiting for nobody", after_s=3600):
+        assert speakers() == []
+    with reporter(1, quiet=False), said_when_it_takes_long("waiting for nobody", after_s=3600):
+        assert "waiting-said" in speakers()
 
 
 def test_a_server_that_cannot_be_reached_gives_every_image_a_reason_that_names_it(tmp_path: Path) -> None:

@@ -207,14 +207,14 @@ def test_a_list_may_move_and_its_images_change_later(
 
 
 @pytest.mark.parametrize(
-    ("names", "told"),
+    ("names", "reported"),
     [(["a"], "1 names for 2 files"), (["a", "../b"], "no name for a folder"), (["a", "index.parquet"], "no name")],
 )
-def test_names_of_products_that_do_not_fit_are_wrong_usage(names: list[str], told: str, raw: Path) -> None:
+def test_names_of_products_that_do_not_fit_are_wrong_usage(names: list[str], reported: str, raw: Path) -> None:
     given = [part for name in names for part in ("--product", name)]
     done = CliRunner().invoke(build_app(), ["correct", str(raw), str(other_than(raw)), *given], env={"COLUMNS": "300"})
     assert done.exit_code == 2
-    assert told in done.output
+    assert reported in done.output
 
 
 def test_names_that_are_no_text_are_refused_alone_and_shown(ground: Ground, raw: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
 from flows import options as models
+from flows import star_options as star_models
 from flows.cli import build_app
 from flows.image_options import Options
 
@@ -24,13 +25,16 @@ COMMANDS = (
     "control",
     "adjust",
     "check",
+    "stars",
+    "astrometry",
 )
 OF_THE_TERMINAL = {"json", "log_json", "quiet", "server", "dry_run", "help"}
 DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml").read_text())["deployments"]
 
 
 def model_of(command: str) -> type[Options]:
-    found: type[Options] = getattr(models, f"{command.capitalize()}Options")
+    name = f"{command.capitalize()}Options"
+    found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
     return found
 
 

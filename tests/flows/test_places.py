@@ -36,11 +36,11 @@ UNUSABLE: dict[str, Callable[[Path], Path]] = {
 }
 
 
-@pytest.mark.parametrize(("told", "store_in"), UNUSABLE.items(), ids=UNUSABLE.keys())
+@pytest.mark.parametrize(("reported", "store_in"), UNUSABLE.items(), ids=UNUSABLE.keys())
 def test_a_store_that_cannot_be_one_is_refused_by_name(
-    told: str, store_in: Callable[[Path], Path], tmp_path: Path
+    reported: str, store_in: Callable[[Path], Path], tmp_path: Path
 ) -> None:
-    with pytest.raises(RefusedError, match=f"^store {tmp_path}.*{told}.* Give a folder"):
+    with pytest.raises(RefusedError, match=f"^store {tmp_path}.*{reported}.* Give a folder"):
         usable_place_of(store_in(tmp_path))
 
 

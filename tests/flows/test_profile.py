@@ -60,13 +60,13 @@ def test_the_defaults_of_the_settings_themselves_are_a_base_too(tmp_path: Path) 
     assert settings_of(own) == settings_of(Profile(passes=1))
 
 
-def test_profiles_that_come_with_the_program_say_what_they_build_on_and_are_not_told_as_changed() -> None:
+def test_profiles_that_come_with_the_program_say_what_they_build_on_and_are_not_reported_as_changed() -> None:
     for path in known_profiles().values():
         assert 'base = "defaults"' in path.read_text()
         assert read_profile(path).origin is None
 
 
-def test_files_build_on_files_and_all_that_differs_from_the_programs_profile_is_told(tmp_path: Path) -> None:
+def test_files_build_on_files_and_all_that_differs_from_the_programs_profile_is_reported(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
     written(
         tmp_path / "deep", 'base = "standard"\nname = "bottom"\n[point]\nstop_px = 0.2\nmax_iterations = 7\n', "a.toml"
@@ -78,9 +78,11 @@ def test_files_build_on_files_and_all_that_differs_from_the_programs_profile_is_
     assert own.origin.bases == ("b.toml", "deep/a.toml", "standard")
     assert set(own.origin.changes) == {"steps", "point.stop_px", "point.max_iterations"}
     assert (own.point.stop_px, own.point.max_iterations, own.steps) == (0.4, 7, ("point",))
-    told = in_words(own.name, own.origin)
-    print(told)
-    assert "c builds on b.toml, which builds on deep/a.toml, which builds on standard; of standard it changes" in told
+    reported = in_words(own.name, own.origin)
+    print(reported)
+    assert (
+        "c builds on b.toml, which builds on deep/a.toml, which builds on standard; of standard it changes" in reported
+    )
 
 
 def test_a_later_pass_keeps_the_first_ones_settings_but_for_what_it_changes(tmp_path: Path) -> None:

@@ -113,7 +113,7 @@ def test_a_rerun_does_nothing_and_asks_no_server(
     assert (again["done"], again["unchanged"], again["status"]) == (0, 3, done["status"])
 
 
-def test_what_is_refused_is_done_again_only_when_asked_for(done: dict[str, Any], settings: ReprocessOptions) -> None:
+def test_what_is_refused_is_done_again_only_when_requested(done: dict[str, Any], settings: ReprocessOptions) -> None:
     assert done
     assert wanted(settings) == {}
     assert wanted(settings, again=True) == {BAD: "refused before (image-unreadable)"}
@@ -229,7 +229,9 @@ def test_a_store_is_listed_without_the_traces_of_its_images(
     assert wanted(settings) == {}
 
 
-def test_a_product_whose_image_failed_since_is_told_as_stale(done: dict[str, Any], settings: ReprocessOptions) -> None:
+def test_a_product_whose_image_failed_since_is_reported_as_stale(
+    done: dict[str, Any], settings: ReprocessOptions
+) -> None:
     assert done
     known = read_outcome(settings.books, GOOD[0], "")
     assert known is not None
@@ -247,9 +249,11 @@ def test_an_image_whose_file_is_not_there_is_planned_as_missing_and_counted(
     (archive / "absent.csv").write_text("\n".join([*rows[:3], rows[3].replace(f"{BAD}.png", "absent.png")]) + "\n")
     absent = settings.model_copy(update={"images": str(archive / "absent.csv"), "store": str(tmp_path / "store")})
     assert wanted(absent) == dict.fromkeys(GOOD, "new") | {BAD: "missing"}
-    told = "3 of 3 images would be done; the files of 1 are missing (--fetch gets those with an address)"
-    assert plans_in_words(planned(absent)[1]) == told
-    assert plans_in_words(planned(settings.model_copy(update={"store": str(tmp_path)}))[1]) == told.partition(";")[0]
+    reported = "3 of 3 images would be done; the files of 1 are missing (--fetch gets those with an address)"
+    assert plans_in_words(planned(absent)[1]) == reported
+    assert (
+        plans_in_words(planned(settings.model_copy(update={"store": str(tmp_path)}))[1]) == reported.partition(";")[0]
+    )
 
 
 def test_parameters_travel_as_json_and_come_back(settings: ReprocessOptions) -> None:
@@ -330,7 +334,7 @@ def test_a_detached_label_counts_by_its_content(tmp_path: Path) -> None:
     assert counted() != before
 
 
-def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_told(
+def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     mirrored = tmp_path / "mirror" / "pds-rings" / "volumes" / "there.png"

@@ -43,7 +43,7 @@ def test_a_hung_step_is_ended_and_leaves_nothing(worker: Worker, tmp_path: Path)
     assert list((tmp_path / "kind").iterdir()) == []
 
 
-def test_a_process_that_dies_is_told_with_its_step_and_how(worker: Worker) -> None:
+def test_a_process_that_dies_is_reported_with_its_step_and_how(worker: Worker) -> None:
     with pytest.raises(LostError, match=r"worker-died: the process died in step point-1 \(exit status 3\)"):
         worker.do({"do": "die"} | LIMITS, said)
 

@@ -28,7 +28,7 @@ def test_what_names_no_runner_is_refused_with_what_does(text: str) -> None:
         parse_choice(text)
 
 
-def test_a_scheduler_that_does_not_answer_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_does_not_answer_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     from flows import runners
     from local_server.server import free_port
 

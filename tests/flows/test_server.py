@@ -128,7 +128,7 @@ def test_who_uses_it_keeps_saying_so(tmp_path: Path, monkeypatch: pytest.MonkeyP
             wait_until(lambda: files.used.stat().st_mtime > 0)
 
 
-class Told:
+class Reported:
     """A clock that shows what it is told, and a server that can only be stopped."""
 
     def __init__(self) -> None:
@@ -154,16 +154,16 @@ def test_a_jump_of_the_time_of_day_neither_stops_a_server_in_use_nor_keeps_one(t
     """The file of the last use is marked with the time of day. An hour of use, in which that jumps; then nobody."""
     from local_server.keeper import Idleness, stop_when_idle
 
-    files, told, of_day = ServerFiles(tmp_path), Told(), 1.7e9
+    files, reported, of_day = ServerFiles(tmp_path), Reported(), 1.7e9
     files.touch()
     os.utime(files.used, (of_day, of_day))
-    idleness = Idleness(files, told)
+    idleness = Idleness(files, reported)
 
     def passes(seconds: float) -> int:
         nonlocal of_day
-        told.now, of_day = told.now + seconds, of_day + seconds
-        stop_when_idle(files, told, 60.0, idleness)  # type: ignore[arg-type]
-        return told.stopped
+        reported.now, of_day = reported.now + seconds, of_day + seconds
+        stop_when_idle(files, reported, 60.0, idleness)  # type: ignore[arg-type]
+        return reported.stopped
 
     for minute in range(60):
         if minute == 30:
@@ -195,14 +195,14 @@ def test_after_kill_9_the_next_command_has_a_server_again(files: ServerFiles, vi
         assert now == record  # a server that lost its keeper still serves, and `stop` still finds it
 
 
-def test_a_record_of_another_life_is_not_believed(files: ServerFiles) -> None:
+def test_a_record_of_another_life_is_not_assumed(files: ServerFiles) -> None:
     files.folder.mkdir(parents=True)
     files.record.write_text('{"url": "http://127.0.0.1:9/api", "keeper_pid": 1, "server_pid": 1}')
     assert running_server(files) is None
     assert ensure_server(files) != "http://127.0.0.1:9/api"  # and process 1 was not touched
 
 
-def test_a_server_that_cannot_start_is_told_with_its_log(
+def test_a_server_that_cannot_start_is_reported_with_its_log(
     files: ServerFiles, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from local_server import server
@@ -236,7 +236,7 @@ def test_a_server_that_listens_and_never_answers_ends_with_that_reason(
     wait_until(lambda: not is_held(files.alive_lock))  # it was stopped
 
 
-def test_what_is_waited_for_is_told_by_what_the_server_has_come_to(files: ServerFiles) -> None:
+def test_what_is_waited_for_is_reported_by_what_the_server_has_come_to(files: ServerFiles) -> None:
     from local_server.server import ServerRecord, waiting_for
 
     assert "its first start takes" in waiting_for(files)

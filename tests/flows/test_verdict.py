@@ -64,12 +64,15 @@ def test_what_says_more_than_the_side_of_the_camera_is_kept(code: str) -> None:
 def test_a_failure_after_the_label_was_overruled_says_so_before_other_advice() -> None:
     error = FailedError("range-out-of-bounds", "it is 1.06.", "Check range.")
     assert reminded(error, []) is error
-    told = reminded(error, ["the label says camera galileo-ssi, --camera voyager1-nac is used"])
-    assert (type(told), told.code, told.fault) == (FailedError, error.code, error.fault)
-    assert told.remedy == "First of all: the label says camera galileo-ssi, --camera voyager1-nac is used. Check range."
+    reported = reminded(error, ["the label says camera galileo-ssi, --camera voyager1-nac is used"])
+    assert (type(reported), reported.code, reported.fault) == (FailedError, error.code, error.fault)
+    assert (
+        reported.remedy
+        == "First of all: the label says camera galileo-ssi, --camera voyager1-nac is used. Check range."
+    )
 
 
-def test_a_limb_that_cannot_be_measured_is_told_from_one_that_is_out_of_frame() -> None:
+def test_a_limb_that_cannot_be_measured_is_distinguished_from_one_that_is_out_of_frame() -> None:
     for tried, words in ((40, "only 3 segments of the lit limb"), (0, "lit limb is nowhere on usable pixels")):
         with pytest.raises(FailedError, match=words) as failure:
             check_limb(AcceptSettings(), LIMB.model_copy(update={"tried": tried}))
@@ -123,7 +126,7 @@ def test_a_doubtful_pose_whose_predicted_one_looks_away_fails_with_that_as_its_r
     assert failure.value.code == "target-behind-camera"
 
 
-def test_a_store_that_cannot_be_written_is_told_by_its_own_name(
+def test_a_store_that_cannot_be_written_is_reported_by_its_own_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def read_only(path: Path, *_: Any, **__: Any) -> None:
@@ -134,20 +137,20 @@ def test_a_store_that_cannot_be_written_is_told_by_its_own_name(
         monkeypatch.setattr(Path, writing, read_only)
         with pytest.raises(OSError, match=r"C1\.v2~.*\.tmp") as trouble, put_in_place(tmp_path / "store/C1.v2") as new:
             getattr(new, writing)("")
-        told = file_trouble(trouble.value)
-        assert str(tmp_path / "store/C1.v2") in told
-        assert ".tmp" not in told
-        assert told.endswith("Change its permissions, or name another place.")
+        reported = file_trouble(trouble.value)
+        assert str(tmp_path / "store/C1.v2") in reported
+        assert ".tmp" not in reported
+        assert reported.endswith("Change its permissions, or name another place.")
 
 
 @pytest.mark.parametrize(
-    ("verdict", "is_told"), [("matched", False), ("mismatched", False), ("undetermined", True), ("no-map", True)]
+    ("verdict", "is_reported"), [("matched", False), ("mismatched", False), ("undetermined", True), ("no-map", True)]
 )
-def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_was_judged(
-    verdict: str, is_told: bool
+def test_what_the_flow_found_is_out_of_date_where_the_products_own_orientation_was_checked(
+    verdict: str, is_reported: bool
 ) -> None:
-    judged = OrientationReport(verdict=verdict, sigmas=9.0)
-    assert is_about_orientation(judged) == (not is_told)
+    checked = OrientationReport(verdict=verdict, sigmas=9.0)
+    assert is_about_orientation(checked) == (not is_reported)
 
 
 @pytest.mark.parametrize(("solved_px", "shown_px"), [(3.3, 0.9), (2.1, 1.0), (1.5, 0.0), (9.0, 3.1)])

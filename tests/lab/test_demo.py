@@ -61,9 +61,9 @@ def test_an_image_that_was_not_corrected_shows_its_reason(tmp_path: Path) -> Non
 def test_the_demo_uses_the_planted_pose_and_no_kernels(tmp_path: Path) -> None:
     seen: list[Request] = []
 
-    def watching(requests: list[Request], told: Reporter) -> list[dict[str, Any]]:
+    def watching(requests: list[Request], reported: Reporter) -> list[dict[str, Any]]:
         seen.extend(requests)
-        return perfect(requests, told)
+        return perfect(requests, reported)
 
     _rows(tmp_path, watching)
     assert seen[0].pose_file == tmp_path / "archive" / "SIM_VG2_WAC.predicted.json"

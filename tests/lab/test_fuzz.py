@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lab.fuzz.bench import Damaged, Findings, Original, damaged_files, note, table
-from lab.fuzz.corrected import Verdicts, judge
+from lab.fuzz.corrected import Verdicts, classify
 from lab.fuzz.damage import DAMAGES
 from lab.fuzz.reader_process import ReaderProcess
 
@@ -67,7 +67,7 @@ def test_damaged_files_come_one_by_one_and_leave_nothing(tmp_path: Path) -> None
 
 
 def test_an_ok_that_is_a_pixel_off_is_wrong() -> None:
-    verdicts, told = Verdicts(), []
+    verdicts, reported = Verdicts(), []
     damaged = Damaged(Original(Path("x.img"), None), "put in", Path("damaged1.img"))
     sound = {"centre_px": [100.0, 50.0]}
     for result in (
@@ -75,7 +75,7 @@ def test_an_ok_that_is_a_pixel_off_is_wrong() -> None:
         {"status": "ok", "centre_px": [101.0, 50.5]},
         {"status": "refused", "reason": "unreadable"},
     ):
-        judge(verdicts, damaged, result, sound, told.append)
+        classify(verdicts, damaged, result, sound, reported.append)
     assert verdicts.counts == {"ok": 1, "wrong ok": 1, "refused": 1}
     assert len(verdicts.wrong) == 1
-    assert "unreadable" in told[2]
+    assert "unreadable" in reported[2]

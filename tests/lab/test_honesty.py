@@ -62,7 +62,7 @@ def kinds(row: dict[str, Any]) -> list[str]:
     return [entry["kind"] for entry in violations(row, assess(row))]
 
 
-def test_table_is_large_told_apart_and_always_the_same() -> None:
+def test_table_is_large_kept_apart_and_always_the_same() -> None:
     scenes = all_scenes()
     assert len(scenes) >= 400
     assert len({scene.id for scene in scenes}) == len({scene.seed for scene in scenes}) == len(scenes)
@@ -98,7 +98,7 @@ def test_every_law_has_solvable_scenes_of_every_size_and_phase() -> None:
         ({"orientation_deg": 20.0}, False),
         ({"given": "none", "surface": "procedural"}, True),
         ({"given": "Io.jpg"}, False),
-        ({"told": "io"}, False),
+        ({"reported": "io"}, False),
         ({"picture": "mirrored-x"}, False),
         ({"picture": "turned-90"}, False),
         ({"sun_off_deg": 20.0}, False),
@@ -185,7 +185,7 @@ def test_correlated_errors_are_measured_along_their_direction() -> None:
         (made_up(turn_deg=(0.0, 0.0, 1.5)), ["roll"]),
         (made_up(turn_deg=(8.0, 0.0, 0.0), attitude_deg=None), []),  # unsaid: as good as its source, 3 deg
         (made_up(turn_deg=(20.0, 0.0, 0.0), attitude_deg=None), ["subpoint"]),
-        (made_up(replace(SCENE, told="io")), ["foreign"]),
+        (made_up(replace(SCENE, reported="io")), ["foreign"]),
         (made_up(replace(SCENE, picture="mirrored-y")), ["foreign"]),
         (made_up(replace(SCENE, picture="mirrored-y"), status="doubtful"), []),
         (made_up(replace(SCENE, picture="turned-90")), []),
@@ -241,14 +241,14 @@ def test_shares_within_sigmas_are_counted_per_law_and_size() -> None:
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Instead of rendering and correcting: made-up rows, and which scenes were asked for."""
-    asked: list[str] = []
+    requested: list[str] = []
 
     def fake(job: Job) -> dict[str, Any]:
-        asked.append(job.scene.id)
+        requested.append(job.scene.id)
         return made_up(job.scene) | {"key": job.key}
 
     monkeypatch.setattr(honesty_run, "run_scene", fake)
-    return asked
+    return requested
 
 
 def test_what_is_done_is_not_done_again(tmp_path: Path, counted: list[str]) -> None:

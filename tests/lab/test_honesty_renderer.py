@@ -241,7 +241,7 @@ def test_relief_has_no_mean_and_no_first_moment_and_is_met() -> None:
     np.testing.assert_allclose(flat.points_km, exact.points_km, atol=0.05)
 
 
-def test_bending_has_the_size_asked_for_and_moves_no_disk() -> None:
+def test_bending_has_the_size_requested_and_moves_no_disk() -> None:
     shift = bending(np.random.default_rng(2), 0.3, (40.0, 50.0), 30.0)
     assert shift is not None
     r, t = 30 * np.sqrt(np.random.default_rng(3).uniform(size=5000)), np.linspace(0, 40 * np.pi, 5000)

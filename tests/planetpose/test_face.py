@@ -19,11 +19,12 @@ from planetpose import result as result_module
 from tasks.publish.check import product_faults
 
 ROOT = Path(__file__).resolve().parents[2]
-NAMES = ("catalog", "tasks", "local_server", "flows", "lab")
+NAMES = ("catalog", "tasks", "local_server", "flows", "viewer", "lab")
 # What the stability promise covers. Adding a name is a minor version, taking one out a major one: see
 # docs/reference/api/planetpose.md before changing this list.
 PROMISED = [
     "Camera",
+    "CubeAccessor",
     "CubeModel",
     "ExposureTime",
     "FailedError",
@@ -33,6 +34,7 @@ PROMISED = [
     "PartialPose",
     "PlanetposeError",
     "Pose",
+    "Position",
     "Reader",
     "Reading",
     "RefusedError",
@@ -54,12 +56,13 @@ PROMISED = [
     "pixel_of",
     "place_of",
     "read_pose_file",
+    "stars",
     "write_pose_file",
 ]
 PROMISED_OF_CORRECT = (
     "(image, store='out', *, product=None, camera=None, target=None, pose_file=None, kernels=None, basemap=None, "
     "map_left_edge_deg=0.0, shape=None, profile=None, hold=(), start_offset_px=None, mask=None, flip=None, "
-    "plane=None, summing=None, window=None, resume=None, cache=None, progress=None)"
+    "plane=None, summing=None, window=None, resume=None, body=None, stars=None, cache=None, progress=None)"
 )
 
 
@@ -122,8 +125,8 @@ def test_the_typed_result_has_the_keys_of_results_and_of_their_documentation() -
         assert list(get_type_hints(inner)) == list(value), key
     page = (ROOT / "docs" / "reference" / "result.md").read_text()
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
-    told = [name for row in rows for name in row.replace("`", "").replace(",", " ").split()]
-    assert sorted(told) == sorted(EMPTY)
+    reported = [name for row in rows for name in row.replace("`", "").replace(",", " ").split()]
+    assert sorted(reported) == sorted(EMPTY)
 
 
 def test_importing_it_imports_nothing_that_is_slow(tmp_path: Path) -> None:
@@ -226,7 +229,7 @@ def test_an_image_is_corrected_from_python_without_prefect(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "told"),
+    ("given", "error", "reported"),
     [
         ({"profile": "pint"}, planetpose.RefusedError, "there is no profile 'pint'"),
         ({"product": "a/b"}, ValueError, "no name for a folder"),
@@ -237,6 +240,8 @@ def test_an_image_is_corrected_from_python_without_prefect(tmp_path: Path) -> No
         ({"profile": {"point": {"registration": "nncc"}}}, planetpose.RefusedError, "known are ncc, phase"),
     ],
 )
-def test_wrong_arguments_are_errors(given: dict[str, Any], error: type[Exception], told: str, tmp_path: Path) -> None:
-    with pytest.raises(error, match=told):
+def test_wrong_arguments_are_errors(
+    given: dict[str, Any], error: type[Exception], reported: str, tmp_path: Path
+) -> None:
+    with pytest.raises(error, match=reported):
         planetpose.correct(tmp_path / "image.png", tmp_path, **given)

@@ -159,14 +159,14 @@ SETTINGS = [
 
 
 def refusals(python: Call, site: Path | None) -> tuple[list[str | None], list[str], str]:
-    out, told = python(REFUSED, json.dumps(SETTINGS), site=site)
+    out, reported = python(REFUSED, json.dumps(SETTINGS), site=site)
     found, cameras = json.loads(out)
-    return found, cameras, told
+    return found, cameras, reported
 
 
 def test_settings_take_the_names_of_plugins_and_refuse_unknown_ones(installed: Path, python: Call) -> None:
-    found, _, told = refusals(python, installed)
-    assert (found[:4], found[6], told) == ([None] * 4, None, "")
+    found, _, reported = refusals(python, installed)
+    assert (found[:4], found[6], reported) == ([None] * 4, None, "")
     assert "there is no registration 'centroyd'; known are ncc, " in str(found[4])
     assert "features, centroid" in str(found[4])
     assert "there is no photometric law 'mixture'" in str(found[5])
@@ -176,12 +176,12 @@ def test_settings_take_the_names_of_plugins_and_refuse_unknown_ones(installed: P
 
 
 @pytest.mark.parametrize("spoil", ["import a_package_that_is_missing\n", "def register(", "raise SystemError('no')\n"])
-def test_a_broken_plugin_is_named_where_it_is_asked_for_and_hinders_nothing_else(
+def test_a_broken_plugin_is_named_where_it_is_requested_and_hinders_nothing_else(
     spoil: str, installed: Path, python: Call
 ) -> None:
     (installed / "example_mission" / "methods.py").write_text(spoil)
     (installed / "example_mission" / "cameras" / "example-nac.toml").write_text("name = 3\n")
-    found, cameras, told = refusals(python, installed)
+    found, cameras, reported = refusals(python, installed)
     for reason in found[:4]:
         assert str(reason).startswith("plugin-unusable: the plugin ")
         assert "of example-mission 1.0 (example_mission.methods:" in str(reason)
@@ -189,7 +189,7 @@ def test_a_broken_plugin_is_named_where_it_is_asked_for_and_hinders_nothing_else
     assert found[6] is None
     assert "galileo-ssi" in cameras
     assert "example-nac" not in cameras
-    assert "camera-file-invalid" in told
+    assert "camera-file-invalid" in reported
 
 
 def test_what_a_plugin_does_wrong_is_the_images_reason(installed: Path, image: Path, python: Call) -> None:

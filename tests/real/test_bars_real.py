@@ -26,7 +26,7 @@ LIMB_BAR_PX = 1.0
 JPL_X_PX, JPL_Y_PX, JPL_TOLERANCE_PX = (606.94, 608.08), (542.08, 542.20), 0.3
 
 
-def told(result: dict[str, Any]) -> dict[str, Any]:
+def reported(result: dict[str, Any]) -> dict[str, Any]:
     """Print the result's figures, and return it."""
     print(f"\n{result['product']}: {result['status']} {result['reason'] or ''}")
     if result["status"] == "ok":
@@ -56,7 +56,7 @@ def assert_meets_the_bar(result: dict[str, Any], turned_anyhow: bool = False) ->
 
 
 def test_europa_by_galileo_needs_nothing_but_its_file(europa: dict[str, Any]) -> None:
-    told(europa)
+    reported(europa)
     assert_meets_the_bar(europa)
     assert (europa["camera"], europa["target"], europa["pose_source"]) == ("galileo-ssi", "europa", "label")
     # The trajectory knows the range to parts per million: the factor is a test of the simulation.
@@ -73,7 +73,7 @@ def test_another_map_of_europa_moves_the_centre_by_tenths_of_a_pixel(bench: Benc
         map_left_edge_deg=180.0,
         profile=shorter(2),
     )
-    told(other)
+    reported(other)
     apart = np.subtract(other["centre_px"], europa["centre_px"])
     turned = np.subtract(other["attitude_deg"], europa["attitude_deg"])
     print(f"  centre moved by {apart.round(3)} px (bar 0.3), range factor by", end=" ")
@@ -104,7 +104,7 @@ def io(bench: Bench) -> dict[str, Any]:
 def test_io_by_voyager_is_where_jpls_limb_fit_has_it(bench: Bench, io: dict[str, Any]) -> None:
     """JPL's fit of the raw frame took, by its figures, the nominal reseau marks: with the marks measured in the frame
     the centre is half a pixel higher, and in JPL's own corrected frame a whole one."""
-    told(io)
+    reported(io)
     assert_meets_the_bar(io)
     x, y = io["centre_px"]
     dx, dy = io["offset_px"]
@@ -134,7 +134,7 @@ def limb_centres_by_other_undistortions(bench: Bench, pose: Pose) -> dict[str, n
 
 
 def test_pluto_by_lorri_cut_by_two_edges_of_the_frame(bench: Bench) -> None:
-    result = told(bench.correct(bench.image("new_horizons/lor_0299140073_0x630_sci.fit")))
+    result = reported(bench.correct(bench.image("new_horizons/lor_0299140073_0x630_sci.fit")))
     assert_meets_the_bar(result)
     assert (result["camera"], result["target"]) == ("newhorizons-lorri", "pluto")
     assert result["range_factor"] == pytest.approx(1, abs=6e-3)
@@ -159,7 +159,7 @@ def test_enceladus_by_cassini_with_a_rough_pose_file(bench: Bench, name: str) ->
     content = rough_pose_of_enceladus(find_camera("cassini-nac"), **rough)
     pose_file = bench.write_json(f"enceladus-{name}.json", content)
     image, profile = bench.image("cassini/N1489034146_2.IMG"), shorter(2)
-    result = told(bench.correct(image, store=name, pose_file=pose_file, profile=profile))
+    result = reported(bench.correct(image, store=name, pose_file=pose_file, profile=profile))
     assert_meets_the_bar(result, turned_anyhow=True)
     assert result["pose_source"] == "file"
     assert result["utc"].startswith("2005-03-09T04:09:09")  # the label's: the pose file gives none
@@ -169,7 +169,7 @@ def test_enceladus_by_cassini_with_a_rough_pose_file(bench: Bench, name: str) ->
 
 
 def test_enceladus_without_kernels_or_pose_file_is_refused_by_name(bench: Bench) -> None:
-    result = told(bench.correct(bench.image("cassini/N1489034146_2.IMG"), store="refused"))
+    result = reported(bench.correct(bench.image("cassini/N1489034146_2.IMG"), store="refused"))
     assert result["status"] == "refused"
     for word in ("pose-unknown", "camera_from_j2000", "cas_iss_v10.ti", "SCPSE", "--kernels", "--pose"):
         assert word in result["reason"]

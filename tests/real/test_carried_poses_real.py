@@ -1,8 +1,11 @@
 """Poses that files carry: ISIS cubes after spiceinit, ISDs, FITS headers and Galileo labels."""
 
+import bz2
+import gzip
 import json
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +15,7 @@ from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
 from catalog.isd import pose_from_isd
 from catalog.isis_tables import cube_label, has_pose, is_isis_cube, pose_from_cube
+from catalog.made_camera import camera_carried_by
 from catalog.readers import read_frame
 from catalog.target import find_target
 from tasks.ingest.carried import orientation_of_header, parts_of_pose_file, parts_of_tables
@@ -82,6 +86,24 @@ def test_cubes_of_other_missions_have_poses_and_cameras(name: str, data_folder: 
     assert pose.range_km > 0.2
     pixels = np.random.default_rng(3).uniform(0, 1, (50, 2)) * np.array(camera.detector_size_px)
     assert camera.detector_pixel(camera.detector_ray(pixels)) == pytest.approx(pixels, abs=1e-6)
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_a_packed_cube_carries_its_pose_and_its_camera(pack: Any, data_folder: Path, tmp_path: Path) -> None:
+    plain = data_folder / "images/others/isis" / f"{OTHERS[0]}.cub"
+    packed = tmp_path / "a.cub.packed"
+    packed.write_bytes(pack(plain.read_bytes()))
+    name, why_not = camera_carried_by(packed)
+    assert (name, why_not) == (f"isis:{packed}", None)
+    assert find_camera(str(name)).model_copy(update={"sources": Camera.from_cube(plain).sources}) == Camera.from_cube(
+        plain
+    )
+    frames = [read_frame(path) for path in (plain, packed)]
+    assert frames[0].et is not None
+    (there, _), (here, faults) = (parts_of_tables(frame, float(frames[0].et)) for frame in frames)
+    assert faults == ()
+    np.testing.assert_array_equal(here.camera_from_j2000, there.camera_from_j2000)
+    np.testing.assert_array_equal(here.target_from_spacecraft_km, there.target_from_spacecraft_km)
 
 
 def test_a_cut_or_damaged_table_is_named(data_folder: Path, tmp_path: Path) -> None:

@@ -68,15 +68,15 @@ def test_the_round_trip_through_plain_spice_keeps_every_angle(written, kind, cor
 
 def test_the_missions_own_frames_are_corrected_too(written):
     kernel_set, exposures, mission_kernels = written
-    asked, expected = [], []
+    requested, expected = [], []
     for e in (e for e in exposures if e.camera.naif_ck_frame and e.camera.instrument_frame):
         if not np.allclose(e.camera.camera_from_instrument, np.eye(3)):
             continue  # plain_spice asks for +X sample, +Y line, +Z boresight
         xy = np.add(e.camera.project(e.pose.target_in_camera_km), [[0, 0], [9, -4], [-6, 8]])
         names = {**kernel_set.names_of(e), "camera_frame": e.camera.instrument_frame}
-        asked.append({**names, "et": e.pose.et, "xy_px": xy})
+        requested.append({**names, "et": e.pose.et, "xy_px": xy})
         expected.append(project_pixels(e.pose, e.camera, e.target, xy))
-    found = spice_planes([*mission_kernels, kernel_set.meta_kernels["mission"]], asked)
+    found = spice_planes([*mission_kernels, kernel_set.meta_kernels["mission"]], requested)
     largest = [max(largest_difference_deg(a, b).values()) for a, b in zip(expected, found, strict=True)]
     assert len(largest) == 4
     assert max(largest) < BAR_DEG

@@ -122,7 +122,7 @@ def test_cassini_without_kernels_is_refused_naming_kernels_and_pose_file(data_fo
         assert word in refusal.value.reason
 
 
-def test_cassini_with_the_wrong_missions_kernels_is_told_what_they_lack(data_folder: Path) -> None:
+def test_cassini_with_the_wrong_missions_kernels_is_reported_what_they_lack(data_folder: Path) -> None:
     frame = read_frame(data_folder / "images" / "cassini" / "N1489034146_2.IMG")
     with pytest.raises(RefusedError, match=r"SPK: position of enceladus, no loaded SPK covers NAIF bodies -82, 602"):
         initial_pose(frame, find_camera("cassini-nac"), find_target("enceladus"), [data_folder / "kernels"])

@@ -8,6 +8,8 @@ from catalog.pose import Pose
 from catalog.spice import kernel_pool
 from catalog.target import find_target
 from planetpose import CubeModel, pixel_of, place_of
+from tasks.position.model import PositionModel
+from tasks.position.position import positions_of_pixels, positions_of_places
 from tasks.project.backplanes import ANGLES
 from tasks.project.planes import project_planes
 
@@ -106,3 +108,47 @@ def test_places_between_pixels_are_spices_and_lead_back(
     assert 50 < np.count_nonzero(seen) < 190
     back = np.stack(pixel_of(model, latitude, longitude), axis=-1)
     np.testing.assert_allclose(back[seen], xy[seen], atol=1e-6)
+
+
+@pytest.mark.parametrize(("spacecraft", "name", "utc", "focal_length_px", "corrections"), CASES)
+def test_single_positions_are_spices_to_the_bar_of_the_command_at(
+    data_folder, spacecraft, name, utc, focal_length_px, corrections
+):
+    """1e-5 deg within 85 % of the disk's radius, and the inverse to 1e-3 px: the place's apparent direction from
+    SPICE's own light time and aberration (CN+S forward), not from SINCPT."""
+    import spiceypy
+
+    kernels, rng = data_folder / "kernels", np.random.default_rng(6)
+    with kernel_pool([kernels / "lsk", kernels / "pck", kernels / "spk"]), spiceypy.no_found_check():
+        pose, camera, target = scene_from_spice(spacecraft, name, utc, focal_length_px)
+        model = PositionModel("made", CubeModel(pose, camera, target))
+        centre, radius = camera.project(pose.target_in_camera_km), max(target.radii_km) / pose.range_km
+        angle, share = rng.uniform(0, 2 * np.pi, 60), 0.85 * np.sqrt(rng.uniform(0, 1, 60))
+        xy = centre + (share * [np.cos(angle), np.sin(angle)]).T * radius * focal_length_px
+        found = positions_of_pixels(model, xy)
+        theirs = np.array([angles_of_spice(pose, camera, name, spacecraft, x, y, corrections) for x, y in xy])
+        ours = np.array([[each.to_dict()[f"{angle}_deg"] for angle in ANGLES] for each in found])
+        off = np.abs((theirs - ours + 180) % 360 - 180)
+        off[:, 1] *= np.cos(np.radians(theirs[:, 0]))
+        away = [
+            camera.project(pose.camera_from_j2000 @ apparent_direction(spacecraft, target, name, pose.et, row))
+            for row in ours
+        ]
+        back = positions_of_places(model, ours[:, 0], ours[:, 1])
+    print(f"{name} from {spacecraft}: {off.max():.1e} deg, {np.abs(away - xy).max():.1e} px")
+    assert off.max() < 1e-5
+    assert np.abs(away - xy).max() < 1e-3
+    np.testing.assert_allclose([(each.x_px, each.y_px) for each in back], xy, atol=1e-6)
+
+
+def apparent_direction(spacecraft, target, name, et, place):
+    """Where the spacecraft sees a place (latitude, longitude, ...), J2000, of any length."""
+    import spiceypy
+
+    point = spiceypy.latsrf("ELLIPSOID", name, et, f"IAU_{name}", [np.radians(place[1::-1])])[0]
+    observer, light_time = spiceypy.spkgeo(int(spacecraft), et, "J2000", 0)[0], 0.0
+    for _ in range(6):
+        centre = spiceypy.spkgeo(target.naif_id, et - light_time, "J2000", 0)[0][:3]
+        away = centre + spiceypy.pxform(f"IAU_{name}", "J2000", et - light_time) @ point - observer[:3]
+        light_time = np.linalg.norm(away) / spiceypy.clight()
+    return spiceypy.stelab(away, observer[3:])

@@ -106,7 +106,7 @@ def test_a_turn_too_large_for_the_search_is_not_made_up(observation: Observation
 
 
 @pytest.mark.parametrize(("turn_deg", "prior_deg", "max_deg"), [(3, 0.3, None), (6, 1.5, None), (6, 3, 1.0)])
-def test_a_turn_beyond_its_prior_is_believed_where_the_markings_bear_it_out(
+def test_a_turn_beyond_its_prior_is_assumed_where_the_markings_bear_it_out(
     observation: Observation, turn_deg: float, prior_deg: float, max_deg: float | None
 ) -> None:
     wrong = planted(TRUTH, CAMERA, (0, 0), 1, turn_deg * AXIS)
@@ -116,7 +116,7 @@ def test_a_turn_beyond_its_prior_is_believed_where_the_markings_bear_it_out(
 
 
 @pytest.mark.parametrize(
-    ("sigmas", "prior_deg", "max_deg", "believed"),
+    ("sigmas", "prior_deg", "max_deg", "assumed"),
     [
         (4.0, 0.9, None, False),
         (4.0, 1.1, None, True),
@@ -132,7 +132,7 @@ def test_weak_markings_do_not_outweigh_the_prior(
     sigmas: float | None,
     prior_deg: float,
     max_deg: float | None,
-    believed: bool,
+    assumed: bool,
 ) -> None:
     from tasks.attitude import solve
     from tasks.attitude.markings import Markings
@@ -141,8 +141,8 @@ def test_weak_markings_do_not_outweigh_the_prior(
     monkeypatch.setattr(solve, "markings_at_pose", lambda *_: weak)
     settings = AttitudeSettings(max_deg=max_deg)
     reason = solve.why_not_so_far(observation, TRUTH, 3 * AXIS, SCENE, settings, prior_deg)
-    assert (reason is None) == believed
-    assert believed or f"limit {max_deg or 3 * prior_deg:g} deg" in str(reason)
+    assert (reason is None) == assumed
+    assert assumed or f"limit {max_deg or 3 * prior_deg:g} deg" in str(reason)
 
 
 def test_unusable_pixels_are_left_out(observation: Observation) -> None:

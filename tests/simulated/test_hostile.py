@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hostile import CAMERA, Hostile, beside, corrected, is_told, off_px, scenes, wrong
+from hostile import CAMERA, Hostile, beside, corrected, is_reported, off_px, scenes, wrong
 from ray_caster import exposed, pose_of, rendered
 
 from catalog.basemap import map_of_target, uniform_map
@@ -80,7 +80,7 @@ def test_noise_alone_is_explained_by_nothing() -> None:
     assert diagnosis_of(found, hostile.pose, scene_of(hostile), SETTINGS) is None
 
 
-def test_a_frame_that_is_mostly_missing_is_told_so() -> None:
+def test_a_frame_that_is_mostly_missing_is_reported_so() -> None:
     (hostile,) = chosen("truncated-0")
     scene = scene_of(hostile)
     cause = incomplete_frame(observed(hostile.image), scene, SETTINGS)
@@ -146,7 +146,7 @@ def test_a_failed_image_leaves_picture_and_what_was_tried_and_no_product(failed)
     folder, hostile, result = failed
     print(result["reason"])
     assert result["status"] == "failed"
-    assert is_told(hostile, result)
+    assert is_reported(hostile, result)
     assert result["overlay"] == f"{folder}/out/.failed/{hostile.name}/overlay.png"
     assert Path(result["overlay"]).read_bytes().startswith(b"\x89PNG")
     tried_json = json.loads(Path(result["tried"]).read_text())

@@ -60,6 +60,20 @@ def test_centre_radius_and_light_are_found(phase_deg, centre, radius, azimuth_de
     assert apart_deg(outline.sun.azimuth_deg, outline.sun.phase_deg, azimuth_deg, phase_deg) < 8.0
 
 
+@pytest.mark.parametrize("radius", [8.0, 11.0, 15.0, 19.0])
+@pytest.mark.parametrize("phase_deg", [10.0, 60.0, 100.0, 125.0])
+def test_small_disks_are_found_within_their_errors(radius, phase_deg) -> None:  # type: ignore[no-untyped-def]
+    """Law and blur leave a tenth of such a radius open: no arc is too short for that."""
+    centre = (96.4, 121.7)
+    frame = observed(disk(centre, radius, 130.0, phase_deg, lommel_seeliger), 2.0)
+    outline = find_outline(frame, EUROPA, SETTINGS.limb).outline
+    off = outline.limb.centre_px - np.array(centre)
+    sigma = np.sqrt(np.diag(outline.limb.covariance))
+    assert np.abs(off).max() < 1.6
+    assert abs(np.log(outline.limb.mean_px / radius)) < 4 * sigma[2] < 0.5
+    assert outline.limb.arc_sigma < SETTINGS.limb.radius_sigma
+
+
 def noise_alone() -> Observation:
     return observed(np.full(SIZE[::-1], 20.0), 3.0)
 
@@ -98,7 +112,7 @@ def thin_crescent() -> Observation:
 
 @pytest.mark.parametrize("frame", [tiny_disk, thin_crescent])
 def test_a_refusal_names_the_disks_that_are_not_looked_for(frame) -> None:  # type: ignore[no-untyped-def]
-    with pytest.raises(RefusedError, match=r"less than 8 px and crescents thinner than 5 px") as refusal:
+    with pytest.raises(RefusedError, match=r"less than 8 px and crescents thinner than 3 px") as refusal:
         find_outline(frame(), EUROPA, SETTINGS.limb)
     assert refusal.value.code == "no-limb"
 
@@ -115,6 +129,13 @@ def test_a_short_arc_is_refused_as_what_it_is() -> None:
     with pytest.raises(RefusedError) as refusal:
         find_outline(observed(disk((-120.0, 110.0), 200.0, 0.0, 20.0)), EUROPA, SETTINGS.limb)
     assert refusal.value.code in ("no-limb", "limb-too-short")
+
+
+@pytest.mark.parametrize("frame", [noise_alone, surface_alone, stars])
+def test_a_frame_without_any_limb_is_not_refused_for_a_short_one(frame) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RefusedError) as refusal:
+        find_outline(frame(), EUROPA, SETTINGS.limb)
+    assert refusal.value.code == "no-limb"
 
 
 def spoilt(observation: Observation, how: str) -> Observation:
@@ -143,7 +164,7 @@ def test_trouble_in_the_frame_moves_the_disk_little(how: str) -> None:
     assert abs(limb.mean_px / 60.0 - 1) < 0.03
 
 
-def test_a_second_disk_is_told() -> None:
+def test_a_second_disk_is_reported() -> None:
     image = disk((70.0, 110.0), 45.0) + disk((190.0, 120.0), 40.0) - 10
     camera = small_camera(size_px=SIZE)
     found = find_pose(observed(image), unmapped(scene_of(camera)), None, SETTINGS)

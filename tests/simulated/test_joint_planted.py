@@ -81,7 +81,7 @@ def test_a_surface_unlike_the_estimators_hardly_moves_the_pose(
     assert found.changed["psf_sigma_px"] == pytest.approx(0.95, abs=0.12)
 
 
-def test_a_known_range_is_kept_and_the_image_free_one_is_told(camera: Camera, scene: Scene, truth: Pose) -> None:
+def test_a_known_range_is_kept_and_the_image_free_one_is_reported(camera: Camera, scene: Scene, truth: Pose) -> None:
     start = planted(truth, camera, (0.5, 0.4), 1.0, (0, 0, 0))
     found = find_pose_jointly(observation_of(scene, truth), start, start, "spice", scene, ONCE)
     free, sigma = found.changed["range_factor_free"], found.uncertainty["range_factor_free"]

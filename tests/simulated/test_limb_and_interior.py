@@ -55,17 +55,17 @@ def solved(phase_deg: float, arc_px: float = 0.0, law=lambert) -> tuple[Estimate
 
 
 @pytest.mark.parametrize("phase_deg", [30.0, 80.0])
-def test_an_arc_that_lies_higher_moves_the_solution_as_foretold(phase_deg: float) -> None:
+def test_an_arc_that_lies_higher_moves_the_solution_as_predicted(phase_deg: float) -> None:
     # A small rise: a large one would be taken for an outlier, and move the solution less.
     (level, _), (raised, _) = solved(phase_deg), solved(phase_deg, RISE_PX)
     moved = difference(raised.free_state, level.free_state, CAMERA)
-    foretold = RISE_PX * limb_response(level.free)[:, int(ARC_DEG[0] // 20)]
-    print(f"\nmoved {np.round(moved[OFFSET], 4)} px, range {moved[RANGE]:+.5f}; foretold {foretold[:3]}")
+    predicted = RISE_PX * limb_response(level.free)[:, int(ARC_DEG[0] // 20)]
+    print(f"\nmoved {np.round(moved[OFFSET], 4)} px, range {moved[RANGE]:+.5f}; foretold {predicted[:3]}")
     weight = np.array([1.0, 1.0, 50.0])
-    step, expected = moved[:3] * weight, foretold[:3] * weight
+    step, expected = moved[:3] * weight, predicted[:3] * weight
     share = step @ expected / (expected @ expected)
     print(f"by {share:.2f} of it; otherwise by {np.linalg.norm(step - share * expected):.4f} px")
-    assert np.hypot(*foretold[OFFSET]) > 0.2 * RISE_PX
+    assert np.hypot(*predicted[OFFSET]) > 0.2 * RISE_PX
     # Tiles and trust, which learn of it, take a part.
     assert 0.4 < share < 1.2
     assert np.linalg.norm(step - share * expected) < 0.2 * np.linalg.norm(expected)

@@ -26,7 +26,7 @@ from tasks.roll import RollSettings, find_roll
 from tasks.roll.refine import TurnStep
 
 Array = NDArray[np.float64]
-# What a brick adds to the true move, by the number of the call: here the pixels' samples lead it astray.
+# What a method adds to the true move, by the number of the call: here the pixels' samples lead it astray.
 Error = Callable[[int, Array], Array]
 
 CAMERA = small_camera(diameter_px=40, size_px=(64, 60))

@@ -105,13 +105,17 @@ def test_a_loop_that_is_cut_short_fails_with_its_history() -> None:
     assert failure.value.code == "did-not-converge"
 
 
-def test_progress_is_told_of_the_search_and_of_every_iteration() -> None:
-    told: list[tuple[str, int, str]] = []
+def test_progress_is_reported_of_the_search_and_of_every_iteration() -> None:
+    reported: list[tuple[str, int, str]] = []
     found = find_pointing(
-        observed(clean()), TRUTH, SCENE, PointSettings(), lambda step, number, text: told.append((step, number, text))
+        observed(clean()),
+        TRUTH,
+        SCENE,
+        PointSettings(),
+        lambda step, number, text: reported.append((step, number, text)),
     )
-    assert [number for _, number, _ in told] == list(range(len(found.evidence["history_px"]) + 1))
-    assert {step for step, _, _ in told} == {"point"}
+    assert [number for _, number, _ in reported] == list(range(len(found.evidence["history_px"]) + 1))
+    assert {step for step, _, _ in reported} == {"point"}
 
 
 def plain(image: NDArray, quality: int = 0) -> Observation:

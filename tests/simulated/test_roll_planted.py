@@ -33,17 +33,17 @@ def found(observation: Observation, wrong, **settings) -> Correction:
 def test_a_planted_roll_of_the_camera_is_found(observation: Observation, roll_deg: float) -> None:
     result = found(observation, camera_rolled(TRUTH, -roll_deg))
     left = pose_error(result.pose, TRUTH, CAMERA, EUROPA)
-    print(f"roll {roll_deg}: found {result.changed['roll_deg']:.3f} deg, told by {result.evidence['told_by']}, bar 0.1")
+    print(f"roll {roll_deg}: {result.changed['roll_deg']:.3f} deg by {result.evidence['decided_by']}, bar 0.1")
     assert result.changed["roll_deg"] == pytest.approx(roll_deg, abs=BAR_DEG)
     assert result.changed["turn_deg"] == 0
     assert left.attitude_deg < BAR_DEG
     if abs(roll_deg) > 1:
-        assert (result.evidence["assigned_to"], result.evidence["told_by"]) == ("camera", "image")
+        assert (result.evidence["assigned_to"], result.evidence["decided_by"]) == ("camera", "image")
 
 
-def test_a_turn_of_the_target_is_told_from_a_roll_of_the_camera(observation: Observation) -> None:
+def test_a_turn_of_the_target_is_distinguished_from_a_roll_of_the_camera(observation: Observation) -> None:
     result = found(observation, target_turned(TRUTH, 20.0))
-    print(f"turn -20: found {result.changed['turn_deg']:.3f} deg, told by {result.evidence['told_by']}, bar 0.1")
+    print(f"turn -20: found {result.changed['turn_deg']:.3f} deg, decided by {result.evidence['decided_by']}, bar 0.1")
     assert result.changed["turn_deg"] == pytest.approx(-20, abs=BAR_DEG)
     assert (result.changed["roll_deg"], result.evidence["assigned_to"]) == (0, "target")
     np.testing.assert_array_equal(  # the camera was only pointed
@@ -55,7 +55,7 @@ def test_the_setting_decides_who_is_turned(observation: Observation) -> None:
     """The markings are turned back either way; under the wrong assignment the light is not."""
     result = found(observation, target_turned(TRUTH, 1.0), assign="target", reach_deg=0)
     assert result.changed["turn_deg"] == pytest.approx(-1, abs=BAR_DEG)
-    assert result.evidence["told_by"] == "setting"
+    assert result.evidence["decided_by"] == "setting"
 
 
 def test_a_right_roll_stays_and_a_small_one_can_be_left_to_the_attitude(observation: Observation) -> None:

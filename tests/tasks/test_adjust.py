@@ -96,7 +96,7 @@ def test_shared_attitudes_are_better_than_single_ones_by_the_root_of_their_numbe
     assert abs(found.chi_square - found.degrees) < 4 * np.sqrt(2 * found.degrees)
 
 
-def test_images_that_do_not_share_their_attitude_are_told_so_and_keep_their_own() -> None:
+def test_images_that_do_not_share_their_attitude_are_reported_so_and_keep_their_own() -> None:
     images, turns = planted(np.random.default_rng(2), 4, 5, attitude_scatter_deg=0.5)
     found = adjust(images, SETTINGS)
     report = report_of(images, found, SETTINGS)

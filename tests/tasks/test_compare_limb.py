@@ -114,7 +114,7 @@ def test_too_few_segments_fail_by_name() -> None:
 
 
 @pytest.mark.parametrize(("arc_px", "least", "most"), [(0.0, 0.0, 0.02), (0.04, 0.0, 0.03), (0.5, 0.35, 0.65)])
-def test_arcs_that_lie_off_as_a_whole_are_told_from_segments_that_err_alone(
+def test_arcs_that_lie_off_as_a_whole_are_distinguished_from_segments_that_err_alone(
     arc_px: float, least: float, most: float
 ) -> None:
     random = np.random.default_rng(4)

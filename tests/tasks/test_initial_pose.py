@@ -94,7 +94,7 @@ def test_no_source_at_all_is_refused_naming_parts_kernels_and_the_pose_file() ->
         assert word in refusal.value.reason
 
 
-def test_a_pose_file_whose_two_times_differ_is_refused_and_not_half_believed(tmp_path: Path) -> None:
+def test_a_pose_file_whose_two_times_differ_is_refused_and_not_half_used(tmp_path: Path) -> None:
     times = ("et", "utc", *GEOMETRY_KEYS)
     assert initial_pose(_frame(), CAMERA, TARGET, [], _pose_file(tmp_path, *times)).pose.et == ET
     with pytest.raises(RefusedError, match=r"pose\.json: utc .* and et .* are not the same time .* leave one out"):

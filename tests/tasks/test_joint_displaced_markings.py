@@ -30,11 +30,11 @@ def test_a_distortion_is_shown_and_is_in_the_errors(rms_px: float, turn: float) 
     scene, truth = scene_of(camera, photometry="mixture"), true_pose(camera, phase_deg=50)
     seen = observed(bent(clean_image(scene, truth), rms_px, turn))
     found = find_pose_jointly(seen, truth, truth, "file", scene, ONCE)
-    told = found.evidence["displacement"]
+    reported = found.evidence["displacement"]
     error = pose_error(found.pose, truth, scene.camera, scene.target)
     sigma = np.array(found.uncertainty["offset_px"])
-    print(f"\n{rms_px} px: {told}, centre {np.round(error.centre_px, 3)}, stated {sigma.round(3)}")
-    assert told["is_shown"] == (rms_px > 0)
+    print(f"\n{rms_px} px: {reported}, centre {np.round(error.centre_px, 3)}, stated {sigma.round(3)}")
+    assert reported["is_shown"] == (rms_px > 0)
     assert (np.abs(error.centre_px) < 3 * sigma).all()
     known = find_pose_jointly(seen, truth, truth, "file", scene, ONCE, distortion=DistortionError(0.3))
     assert known.evidence["displacement"] is None

@@ -38,11 +38,11 @@ def test_relief_is_what_the_body_is_known_for_or_what_its_limb_shows_if_that_is_
     europa = find_target("europa").model_copy(update={"radius_sigma_km": 0.0})
     response = np.zeros((8, 18))
     response[0, 3], response[RANGE, 3] = 0.3, -0.002
-    told, same, more = (of_the_body(europa, 100.0, response, shown_px) for shown_px in (0.0, 0.01, 0.4))
+    reported, same, more = (of_the_body(europa, 100.0, response, shown_px) for shown_px in (0.0, 0.01, 0.4))
     relief_px = 0.32 / 1560.8 * 100
-    assert np.sqrt(told[0, 0]) == pytest.approx(0.3 * relief_px, rel=0.01)
-    assert told[0, RANGE] == pytest.approx(-0.3 * 0.002 * relief_px**2, rel=0.02)
-    assert np.array_equal(same, told)
+    assert np.sqrt(reported[0, 0]) == pytest.approx(0.3 * relief_px, rel=0.01)
+    assert reported[0, RANGE] == pytest.approx(-0.3 * 0.002 * relief_px**2, rel=0.02)
+    assert np.array_equal(same, reported)
     assert np.sqrt(more[0, 0]) == pytest.approx(0.3 * 0.4)
 
 
@@ -73,7 +73,7 @@ def test_an_orientation_from_a_file_leaves_the_kernels_range_as_sure_as_it_is() 
     assert priors.of(dict.fromkeys(sources, "label")) == priors.label
 
 
-def test_a_disk_solved_at_half_the_resolution_is_found_and_told_in_the_image_s_pixels() -> None:
+def test_a_disk_solved_at_half_the_resolution_is_found_and_reported_in_the_image_s_pixels() -> None:
     camera = small_camera(120.0, (176, 176)).model_copy(update={"centre_px": (87.5, 87.5)})
     scene, truth = scene_of(camera), true_pose(camera)
     start = planted(truth, camera, (0.9, -0.7), 1.004, (0.2, -0.2, 0.2))

@@ -53,30 +53,28 @@ def pulled_away() -> tuple[Observation, Scene, Estimate]:
     held = SETTINGS.model_copy(update={"hold": ("offset", "range")})
     there = estimated(Problem(seen, scene, start, SIGMAS, held), start)
     freed = replace(there.free, held=np.zeros(len(NAMES), bool))
-    believed = there.free_covariance.copy()
-    believed[OFFSET, OFFSET] = np.diag([0.01, 0.01])
-    believed[RANGE, RANGE] = 0.002**2
-    none = np.zeros_like(believed)
-    return seen, scene, replace(there, free=freed, free_covariance=believed, covariance=believed, common=none)
+    assumed = there.free_covariance.copy()
+    assumed[OFFSET, OFFSET] = np.diag([0.01, 0.01])
+    assumed[RANGE, RANGE] = 0.002**2
+    none = np.zeros_like(assumed)
+    return seen, scene, replace(there, free=freed, free_covariance=assumed, covariance=assumed, common=none)
 
 
 def test_an_estimate_that_was_pulled_off_the_limb_is_brought_back() -> None:
     seen, scene, pulled = pulled_away()
-    led, told = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, SETTINGS), pulled)
+    led, reported = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, SETTINGS), pulled)
     before, after = (pose_error(e.free_state.pose, TRUTH, CAMERA, EUROPA) for e in (pulled, led))
     sigmas = np.sqrt(np.diag(led.free_covariance))
     sigma = sigmas[OFFSET]
-    assert told is not None
+    assert reported is not None
     print(f"\ncentre {np.round(before.centre_px, 3)} px off, led by the limb {np.round(after.centre_px, 3)} +- {sigma}")
-    print(
-        f"range {before.range:+.5f}, {after.range:+.5f} +- {sigmas[RANGE]:.5f}; limb {np.round(told['limb_px'], 3)} px"
-    )
-    print(f"believed {told['error_grown']:.1f} times too well")
+    print(f"range {before.range:+.5f}, {after.range:+.5f} +- {sigmas[RANGE]:.5f}")
+    print(f"limb {np.round(reported['limb_px'], 3)} px; stated {reported['error_grown']:.1f} times too well")
     assert np.hypot(*before.centre_px) > 1
     assert np.hypot(*after.centre_px) < 0.25
     assert abs(after.range) < 3 * sigmas[RANGE]
-    assert told["limb_px"][1] < 0.2 < 0.5 < told["limb_px"][0]
-    assert told["error_grown"] > 2
+    assert reported["limb_px"][1] < 0.2 < 0.5 < reported["limb_px"][0]
+    assert reported["error_grown"] > 2
     assert (np.abs(after.centre_px) < 3 * sigma).all()
 
 
@@ -95,7 +93,7 @@ def test_what_the_limb_led_is_known_less_well_along_what_it_moved_by() -> None:
         assert abs(across @ more @ across) < 1e-6
 
 
-def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:
+def test_the_limb_does_not_lead_where_it_is_not_requested() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": None})
     assert updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, settings), pulled) == (pulled, None)
@@ -104,8 +102,8 @@ def test_the_limb_does_not_lead_where_it_is_not_asked() -> None:
 def test_a_limb_that_contradicts_the_errors_leads_however_many_pixels_are_allowed() -> None:
     seen, scene, pulled = pulled_away()
     settings = SETTINGS.model_copy(update={"limb_led_px": 5.0})
-    led, told = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, settings), pulled)
-    assert told is not None
+    led, reported = updated_by_limb(Problem(seen, scene, pulled.free_state, SIGMAS, settings), pulled)
+    assert reported is not None
     assert np.hypot(*pose_error(led.free_state.pose, TRUTH, CAMERA, EUROPA).centre_px) < 0.25
 
 

@@ -18,12 +18,12 @@ def test_a_power_of_the_signal_is_shown_by_the_disk_and_is_in_the_ranges_error(p
     light = np.maximum(clean_image(scene, truth) - SKY_DN, 0)
     picture = SKY_DN + light.max() * (light / light.max()) ** power
     found = find_pose_jointly(observed(picture), truth, truth, "file", scene, ONCE)
-    told = found.evidence["detector"]
+    reported = found.evidence["detector"]
     error = pose_error(found.pose, truth, scene.camera, scene.target)
     sigma = found.uncertainty["range_factor"]
-    print(power, told, f"range {error.range:+.5f}, stated {sigma:.5f}, centre {error.centre_px}")
-    assert told["is_shown"] == is_shown
+    print(power, reported, f"range {error.range:+.5f}, stated {sigma:.5f}, centre {error.centre_px}")
+    assert reported["is_shown"] == is_shown
     assert abs(error.range) < 3 * sigma
     if is_shown:
-        assert np.sign(told["power"] - 1) == np.sign(power - 1)
-        assert abs(told["power"] - power) < 0.2
+        assert np.sign(reported["power"] - 1) == np.sign(power - 1)
+        assert abs(reported["power"] - power) < 0.2

@@ -38,7 +38,7 @@ def test_another_start_leads_to_the_same_solution() -> None:
     assert away < SETTINGS.thresholds.pyramid.disagreement_px
 
 
-def test_a_solution_that_fits_worse_than_where_the_other_start_ends_is_told() -> None:
+def test_a_solution_that_fits_worse_than_where_the_other_start_ends_is_reported() -> None:
     found = solved()[1]
     away = second(replace(found, free_state=found.free_state.moved(AWAY, CAMERA)))
     assert away == pytest.approx(np.hypot(1.5, 1.0), abs=0.1)

@@ -16,8 +16,9 @@ from catalog.pose import Pose
 from lab.simulate.small_world import scene_of, small_camera, true_pose
 from tasks.correction import Correction
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.smear import line_kernel, smeared, trail_columns
+from tasks.joint.smear import trail_columns
 from tasks.point.rotation import pose_moved_by
+from tasks.simulate.trail import line_kernel, smeared
 
 RADIUS_PX, FINE, SIZE_PX = 40.0, 5, (112, 104)
 CENTRE_PX = (55.0, 51.0)

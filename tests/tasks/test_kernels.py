@@ -117,11 +117,11 @@ def test_simultaneous_exposures_are_not_mixed(tmp_path: Path):
     assert max(round_trip(kernel_set, twins[:1], "alone")[0].values()) < BAR_DEG
 
 
-def test_what_spice_cannot_do_is_told_in_its_words(sets):
+def test_what_spice_cannot_do_is_reported_in_its_words(sets):
     kernel_set, exposures = sets["resting"]
-    asked = {**kernel_set.names_of(exposures[0]), "et": 0.0, "xy_px": [[1.0, 1.0]]}
+    requested = {**kernel_set.names_of(exposures[0]), "et": 0.0, "xy_px": [[1.0, 1.0]]}
     with pytest.raises(FailedError, match="SPICE"):
-        spice_planes([kernel_set.meta_kernels["alone"]], [asked])
+        spice_planes([kernel_set.meta_kernels["alone"]], [requested])
 
 
 @given(st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(0.01, 50), st.floats(0.01, 50)), min_size=1, max_size=8))

@@ -15,8 +15,8 @@ from catalog.pose import Pose
 from catalog.target import RotationModel, Target
 from lab.benchmark.reference import project_planes_with_numpy
 from tasks.compiled import compiled
+from tasks.geometry.arctangent import atan2_deg
 from tasks.project.backplanes import ANGLES, PLANES, POINT
-from tasks.project.kernel import _atan2_deg
 from tasks.project.planes import project_planes
 from tasks.project.points import body_points
 
@@ -143,7 +143,7 @@ def test_a_window_is_a_cut_of_the_frame_even_beyond_its_edges():
     assert window.illuminated.sum() < window.on_body.sum()
 
 
-def test_only_the_planes_asked_for_are_computed():
+def test_only_the_planes_requested_are_computed():
     pose = pose_with(1.5e6, (0.3, 1, -2), (1, 0.2, 0.5), np.zeros(2), (5e8, 4e8, -2e8))
     everything = project_planes(pose, CAMERA, TRIAXIAL)
     some = project_planes(pose, CAMERA, TRIAXIAL, planes=("phase", "latitude"))
@@ -190,4 +190,4 @@ def test_without_a_writable_cache_folder_the_loop_is_compiled_anew(monkeypatch):
 def test_the_branch_free_arc_tangent_is_exact(y, x):
     if max(abs(y), abs(x)) < 1e-200:
         return
-    assert _atan2_deg(y, x) == pytest.approx(np.degrees(np.arctan2(y + 0.0, x + 0.0)), abs=1e-13)
+    assert atan2_deg(y, x) == pytest.approx(np.degrees(np.arctan2(y + 0.0, x + 0.0)), abs=1e-13)

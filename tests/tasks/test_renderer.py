@@ -102,6 +102,6 @@ def test_ctrl_c_is_heard_while_two_threads_render_and_a_picture_that_it_cut_shor
     assert set(ends) <= {"heard", "interrupted", "whole"}
 
 
-def test_a_rendering_that_was_cut_short_is_told_from_a_whole_one() -> None:
+def test_a_rendering_that_was_cut_short_is_distinguished_from_a_whole_one() -> None:
     done = subprocess.run([sys.executable, "-c", CUT_SHORT], capture_output=True, text=True, timeout=300)
     assert (done.returncode, done.stdout.strip()) == (0, "interrupted"), done.stderr

@@ -116,7 +116,7 @@ def test_blur_and_boxes_keep_the_centre_of_the_light(oversample: int) -> None:
         assert (seen.sum(axis=1 - axis) @ np.arange(seen.shape[axis])) / seen.sum() == pytest.approx(wanted, abs=1e-4)
 
 
-def test_the_blur_has_the_width_that_was_asked_for() -> None:
+def test_the_blur_has_the_width_that_was_requested() -> None:
     fine = np.zeros((41 * 5, 41 * 5), np.float32)
     fine[102, 102] = 25.0
     seen = detect(fine, 5, 1.5)

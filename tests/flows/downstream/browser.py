@@ -58,16 +58,16 @@ class Page:
 
     def _take(self, deadline: float) -> dict[str, Any]:
         message = json.loads(self._socket.recv(timeout=max(deadline - time.monotonic(), 0.1)))
-        told = message.get("params", {})
+        reported = message.get("params", {})
         match message.get("method"):
             case "Runtime.exceptionThrown":
-                self.complaints.append(str(told["exceptionDetails"]))
-            case "Runtime.consoleAPICalled" if told["type"] in ("error", "warning", "assert"):
-                self.complaints.append(str(told["args"]))
-            case "Log.entryAdded" if told["entry"]["level"] in ("error", "warning"):
-                self.complaints.append(told["entry"]["text"])
-            case "Network.loadingFailed" if not told.get("canceled"):
-                self.complaints.append(told["errorText"])
+                self.complaints.append(str(reported["exceptionDetails"]))
+            case "Runtime.consoleAPICalled" if reported["type"] in ("error", "warning", "assert"):
+                self.complaints.append(str(reported["args"]))
+            case "Log.entryAdded" if reported["entry"]["level"] in ("error", "warning"):
+                self.complaints.append(reported["entry"]["text"])
+            case "Network.loadingFailed" if not reported.get("canceled"):
+                self.complaints.append(reported["errorText"])
         return message
 
 

@@ -67,7 +67,7 @@ def test_regions_of_a_file_are_fitted_one_by_one_and_an_unseen_one_says_so(
 
 
 @pytest.mark.parametrize("wrong", [("--law", "oren-nayar"), ("--hold", "w"), ("--latitude", "north", "south")])
-def test_wrong_usage_is_told(lunar_lambert_store, wrong) -> None:
+def test_wrong_usage_is_reported(lunar_lambert_store, wrong) -> None:
     assert RUN.invoke(build_app(), ["photometry", str(lunar_lambert_store), *wrong]).exit_code == 2
 
 

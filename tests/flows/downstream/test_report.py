@@ -50,14 +50,14 @@ class Links(HTMLParser):
     def __init__(self, path: Path) -> None:
         super().__init__()
         self.targets: list[str] = []
-        self.untold: list[str] = []
+        self.unreported: list[str] = []
         self.feed(path.read_text(encoding="utf-8"))
 
     def handle_starttag(self, tag, attrs):
         given = dict(attrs)
         self.targets += [given[name] for name in ("href", "src") if name in given]
         if tag == "img" and not given.get("alt"):
-            self.untold.append(given["src"])
+            self.unreported.append(given["src"])
 
 
 def pages_of(report: Report) -> list[Path]:
@@ -69,7 +69,7 @@ def test_every_image_has_a_page_and_every_link_is_relative_and_leads_somewhere(r
     assert len(pages) == 1 + report.images == 4
     for path in pages:
         links = Links(path)
-        assert links.untold == []
+        assert links.unreported == []
         for target in links.targets:
             if target == "data:,":
                 continue
@@ -78,7 +78,7 @@ def test_every_image_has_a_page_and_every_link_is_relative_and_leads_somewhere(r
             assert (path.parent / unquote(parts.path)).is_file(), f"{path.name}: {target}"
 
 
-def test_a_range_factor_is_told_to_its_sixth_digit() -> None:
+def test_a_range_factor_is_reported_to_its_sixth_digit() -> None:
     from tasks.report.page import environment
 
     digits = {quantity.name: quantity.digits for quantity in QUANTITIES}
@@ -91,7 +91,7 @@ def test_pages_know_no_machine_path(report) -> None:
         assert "my store" in path.read_text()
 
 
-def test_verdicts_reasons_and_provenance_are_told_and_escaped(report) -> None:
+def test_verdicts_reasons_and_provenance_are_reported_and_escaped(report) -> None:
     doubtful = (report.page.parent / "images" / f"{DOUBTFUL}.html").read_text()
     assert "&lt;b&gt;limb&lt;/b&gt; &amp; similarity disagree" in doubtful
     assert "image.sha256" in doubtful
@@ -189,3 +189,30 @@ def test_a_complaint_would_be_seen(page: Page, tmp_path: Path) -> None:
     page.open(bad.as_uri())
     assert len(page.complaints) >= 2
     assert page.ask(BROKEN_PICTURES) != []
+
+
+FILTERS = {
+    "phase > 50": [DOUBTFUL],
+    "phase<=50 and status = ok": [FINE],
+    "not status = ok": [DAMAGED, DOUBTFUL],
+    "phase_01": [FINE],
+    "sigma > 1e9": [],
+    "utc > 1900 phase > 50": [DOUBTFUL],
+}
+
+
+def test_filters_of_the_page_know_numbers_and_say_what_is_wrong(report, page: Page) -> None:
+    page.open(report.page.as_uri())
+
+    def typed(text: str) -> list[str]:
+        page.ask(
+            f"filter = document.getElementById('filter'), filter.value = {json.dumps(text)},"
+            " filter.dispatchEvent(new Event('input'))"
+        )
+        return sorted(page.ask(ROWS))
+
+    for text, products in FILTERS.items():
+        assert typed(text) == sorted(products), text
+    assert typed("phase > much") == []
+    assert "is a number" in page.ask("document.getElementById('shown').textContent")
+    assert page.complaints == []

@@ -14,7 +14,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-from hostile import NAMED, Hostile, corrected, is_told, off_px, texture_of
+from hostile import NAMED, Hostile, corrected, is_reported, off_px, texture_of
 from ray_caster import Body, blotches, body_at, exposed, pose_of, rendered, unit
 
 from catalog.camera import Camera
@@ -420,17 +420,17 @@ def main(seed: int, kinds: tuple[str, ...], each: int = 2) -> int:
     with tempfile.TemporaryDirectory() as place:
         for scene in scenes(seed, each, kinds):
             result = corrected(scene, Path(place))
-            named, away = is_told(scene, result), off_px(scene, result)
+            named, away = is_reported(scene, result), off_px(scene, result)
             kind = scene.name.partition("-")[0]
             counts[kind] = [counts[kind][0] + named, counts[kind][1] + 1]
             where = "" if away is None else f" [{away:.2f} px off]"
             print(f"{'yes' if named else 'NO '} {scene.name:26s} {scene.cause:11s} {scene.target:8s} "
                   f"{result['status']}{where} {(result['reason'] or '')[:260]}", flush=True)  # fmt: skip
-    told, count = (sum(column) for column in zip(*counts.values(), strict=True))
+    reported, count = (sum(column) for column in zip(*counts.values(), strict=True))
     for kind, (good, all_) in counts.items():
         print(f"{kind:22s} {good}/{all_}")
-    print(f"{told} of {count} reasons name the planted cause")
-    return 0 if told >= 0.9 * count else 1
+    print(f"{reported} of {count} reasons name the planted cause")
+    return 0 if reported >= 0.9 * count else 1
 
 
 __all__ = ["KINDS", "NAMED", "Drawn", "drawn", "scenes"]

@@ -177,7 +177,7 @@ def beside(pose: Pose, gap_px: float = 8.0, planet_px: float = 220.0) -> list[Bo
     return [body_at(pose, body.radii_km, texture_of("europa")), planet]
 
 
-def corrected(scene: Hostile, folder: Path, **asked: Any) -> dict[str, Any]:
+def corrected(scene: Hostile, folder: Path, **requested: Any) -> dict[str, Any]:
     """The program's result."""
     folder.mkdir(parents=True, exist_ok=True)
     fits.writeto(folder / f"{scene.name}.fits", scene.image.astype(np.float32), overwrite=True)
@@ -185,8 +185,8 @@ def corrected(scene: Hostile, folder: Path, **asked: Any) -> dict[str, Any]:
     camera = folder / f"{scene.name}.toml"
     (nx, ny), (x, y) = scene.camera.size_px, scene.camera.centre_px
     if scene.mask is not None:
-        asked["mask"] = folder / f"{scene.name}.mask.fits"
-        fits.writeto(asked["mask"], scene.mask.astype(np.uint8), overwrite=True)
+        requested["mask"] = folder / f"{scene.name}.mask.fits"
+        fits.writeto(requested["mask"], scene.mask.astype(np.uint8), overwrite=True)
     camera.write_text(
         f'name = "hostile"\nsize_px = [{nx}, {ny}]\ncentre_px = [{x}, {y}]\n'
         f"focal_length_px = {scene.camera.focal_length_px}\n"
@@ -200,7 +200,7 @@ def corrected(scene: Hostile, folder: Path, **asked: Any) -> dict[str, Any]:
         store=folder / "out",
         cache=folder / "cache",
         kernels=(),
-        **asked,
+        **requested,
     )
     return one_result(request, Silent(), run_step=run_step)
 
@@ -213,7 +213,7 @@ def off_px(scene: Hostile, result: dict[str, Any]) -> float | None:
     return float(np.hypot(*(np.array(result["centre_px"]) - true)))
 
 
-def is_told(scene: Hostile, result: dict[str, Any]) -> bool:
+def is_reported(scene: Hostile, result: dict[str, Any]) -> bool:
     """Whether the first sentence names the planted cause, or the image is solved all the same, to half a pixel."""
     away = off_px(scene, result)
     if result["status"] in ("ok", "doubtful") and away is not None and away < 0.5:
@@ -224,25 +224,25 @@ def is_told(scene: Hostile, result: dict[str, Any]) -> bool:
 
 def main(names: list[str], ask: Callable[[Hostile], dict[str, Any]] | None = None) -> int:
     """Print the table; 1 when less than nine in ten reasons name the cause."""
-    told, count = 0, 0
+    reported, count = 0, 0
     with tempfile.TemporaryDirectory() as place:
         for scene in scenes():
             if names and not any(name in scene.name for name in names):
                 continue
             started = time.process_time()
             result = ask(scene) if ask else corrected(scene, Path(place))
-            named, away = is_told(scene, result), off_px(scene, result)
-            told, count = told + named, count + 1
+            named, away = is_reported(scene, result), off_px(scene, result)
+            reported, count = reported + named, count + 1
             where = "" if away is None else f" [{away:.2f} px off]"
             seconds = time.process_time() - started
             reason = (result["reason"] or "")[:150]
             print(f"{'yes' if named else 'NO '} {scene.name:16s} {scene.cause:10s} {seconds:4.0f} s "
                   f"{result['status']}{where} {reason}", flush=True)  # fmt: skip
-    print(f"{told} of {count} reasons name the planted cause")
-    return 0 if told >= 0.9 * count else 1
+    print(f"{reported} of {count} reasons name the planted cause")
+    return 0 if reported >= 0.9 * count else 1
 
 
-__all__ = ["Hostile", "corrected", "is_told", "main", "off_px", "scenes"]
+__all__ = ["Hostile", "corrected", "is_reported", "main", "off_px", "scenes"]
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

@@ -82,7 +82,7 @@ COMMANDS = {
 
 
 # What a command does not look at does not stop it; that chunks are missing, which reads as NaN, is what `check` is for.
-NOT_ASKED_FOR = {
+NOT_REQUESTED = {
     "provenance is a number": ("table", "maps"),
     "time is no time": ("table",),
     "planes are gone": ("table",),
@@ -105,8 +105,8 @@ def run(capfd: pytest.CaptureFixture[str]) -> Run:
 
 @pytest.mark.parametrize("command", [name for name in COMMANDS if name != "table"])
 def test_products_with_names_beyond_ascii_are_exported(command: str, store: Path, tmp_path: Path, run: Run) -> None:
-    status, told = run(command, store, tmp_path / "out")
-    assert status == 0, told
+    status, reported = run(command, store, tmp_path / "out")
+    assert status == 0, reported
     if command != "check":
         made = " ".join(str(path) for path in (*(tmp_path / "out").rglob("*"), *store.rglob("*")))
         assert "bild_ä" in made
@@ -121,10 +121,10 @@ def test_a_broken_product_is_named_and_the_others_go_on(
     command: str, breakage: str, store: Path, tmp_path: Path, run: Run
 ) -> None:
     BREAKAGES[breakage](store / BAD)
-    status, told = run(command, store, tmp_path / "out")
-    if command not in NOT_ASKED_FOR.get(breakage, ()):
-        assert (status, BAD in told) == (1, True), told
-    assert "bug: " not in told
+    status, reported = run(command, store, tmp_path / "out")
+    if command not in NOT_REQUESTED.get(breakage, ()):
+        assert (status, BAD in reported) == (1, True), reported
+    assert "bug: " not in reported
     if command == "table":
         assert {path.name for path in (tmp_path / "out").glob("*.csv")} >= {f"{name}.csv" for name in GOOD}
     if command == "planes":
@@ -138,9 +138,9 @@ def test_a_broken_product_is_named_and_the_others_go_on(
 @pytest.mark.parametrize("breakage", ["metadata are a list", "provenance is a number", "product links out"])
 def test_neither_do_maps_and_kernels_stop(command: str, breakage: str, store: Path, tmp_path: Path, run: Run) -> None:
     BREAKAGES[breakage](store / BAD)
-    status, told = run(command, store, tmp_path / "out")
-    if command not in NOT_ASKED_FOR.get(breakage, ()):
-        assert (status, BAD in told) == (1, True), told
+    status, reported = run(command, store, tmp_path / "out")
+    if command not in NOT_REQUESTED.get(breakage, ()):
+        assert (status, BAD in reported) == (1, True), reported
     assert len([path for path in (tmp_path / "out").rglob("*") if "C0001" in path.name]) > 0
 
 
@@ -160,9 +160,9 @@ def test_what_links_out_of_the_store_gets_into_no_report_or_export(
 ) -> None:
     open_index(store)  # as it was before
     replaced_by_link(store / BAD / name, tmp_path / "secret")
-    status, told = run("report", store, tmp_path / "out")
+    status, reported = run("report", store, tmp_path / "out")
     assert status == 1
-    assert str(tmp_path / "secret") in told
+    assert str(tmp_path / "secret") in reported
     for path in (path for path in (tmp_path / "out").rglob("*") if path.is_file()):
         assert SECRET.encode() not in path.read_bytes()
     assert run("table", store, tmp_path / "out")[0] == 1

@@ -51,7 +51,7 @@ def test_the_command_writes_one_set_for_the_store_and_tells_the_round_trip(store
     )
 
 
-def test_a_damaged_product_is_left_out_and_told(store, tmp_path):
+def test_a_damaged_product_is_left_out_and_reported(store, tmp_path):
     damaged = tmp_path / "C0003"
     (damaged / "cube.zarr").mkdir(parents=True)
     (damaged / "cube.zarr" / "zarr.json").write_text("{")
@@ -62,12 +62,12 @@ def test_a_damaged_product_is_left_out_and_told(store, tmp_path):
     assert (tmp_path / "out" / "planetpose_test" / "planetpose_test_alone.tm").is_file()
 
 
-def test_what_is_told_of_a_set(store, tmp_path):
-    (told,) = kernels_of([store], tmp_path, [])
-    assert json.loads(json.dumps(told)) == told
-    assert told["products"] == ["C0001", "C0002"]
-    assert max(told["round_trip_deg"]["alone"].values()) < BAR_DEG
-    assert {note["what"] for note in told["left_out"]} == {"mission"}
+def test_what_is_reported_of_a_set(store, tmp_path):
+    (reported,) = kernels_of([store], tmp_path, [])
+    assert json.loads(json.dumps(reported)) == reported
+    assert reported["products"] == ["C0001", "C0002"]
+    assert max(reported["round_trip_deg"]["alone"].values()) < BAR_DEG
+    assert {note["what"] for note in reported["left_out"]} == {"mission"}
 
 
 def test_plain_spice_says_what_the_cube_says(store, tmp_path):
@@ -77,8 +77,8 @@ def test_plain_spice_says_what_the_cube_says(store, tmp_path):
     with open_cube(store / "C0001" / "cube.zarr") as cube:
         cube = cube.load()
     rows, columns = np.nonzero(np.isfinite(cube["latitude"].values))
-    asked = {**kernel_set.names_of(exposure), "et": exposure.pose.et, "xy_px": np.stack([columns, rows], axis=-1)}
-    (theirs,) = spice_planes([kernel_set.meta_kernels["alone"]], [asked], "LT+S")
+    requested = {**kernel_set.names_of(exposure), "et": exposure.pose.et, "xy_px": np.stack([columns, rows], axis=-1)}
+    (theirs,) = spice_planes([kernel_set.meta_kernels["alone"]], [requested], "LT+S")
     ours = {name: cube[name].values[rows, columns].astype(float) for name in ANGLES}
     found = largest_difference_deg(ours, theirs)
     print(f"{len(rows)} pixels of the cube's file, all of the disk: {found} deg, the bar is {BAR_DEG}")

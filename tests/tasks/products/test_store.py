@@ -233,6 +233,45 @@ def test_the_flow_brings_the_index_up_to_date_only_for_what_it_published(store):
     assert len(pd.read_parquet(store / INDEX)) == 2
 
 
+def test_a_batch_brings_the_index_up_to_date_in_proportion_and_at_its_end(monkeypatch):
+    from tasks.objectstore import places
+
+    new, old, rows = {"status": "ok", "cached": []}, {"status": "ok", "cached": ["publish"]}, []
+    published = 0
+
+    def indexed(store):
+        assert store == Path("a")
+        rows.append(published)
+        return published
+
+    monkeypatch.setattr(places, "index_store", indexed)
+    with places.Indexing() as indexing:
+        for published in range(1, 2001):
+            indexing.note(Path("a"), new)
+            indexing.note(Path("b"), old)
+            assert published <= (1 + places.SHARE) * (rows[-1] if rows else 0) + 1
+    assert rows[0] == 1
+    assert rows[-1] == 2000
+    assert sum(rows) < 2 * (1 + 1 / places.SHARE) * 2000
+
+
+def test_an_interrupted_batch_leaves_the_index_of_what_it_published(store):
+    from tasks.objectstore.places import Indexing
+
+    def batch():
+        with Indexing() as indexing:
+            indexing.note(store, {"status": "ok", "cached": []})
+            shutil.copytree(store / "C0001", store / "C0009")
+            indexing._rows[store] = 1000
+            indexing.note(store, {"status": "ok", "cached": []})
+            assert len(pd.read_parquet(store / INDEX)) == 2
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        batch()
+    assert len(pd.read_parquet(store / INDEX)) == 3
+
+
 def test_the_benchmark_of_the_index_opens_every_row_here_and_in_a_new_process():
     """At a fiftieth of its size; how long it takes is for `planetpose benchmark index` to say (0.03 s, bar 1 s)."""
     from lab.benchmark.index import benchmark_index

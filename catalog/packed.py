@@ -1,6 +1,7 @@
 """Images packed by gzip or bzip2: unpacked into a folder of their own, no further than an image has bytes."""
 
 import bz2
+import gzip
 import shutil
 import tempfile
 import zlib
@@ -11,7 +12,6 @@ from typing import Any, BinaryIO
 
 from catalog.detached import PACKED_SUFFIXES, label_beside
 from catalog.errors import RefusedError
-from catalog.readers.reading import unreadable
 from catalog.reasons import Reason
 from catalog.regular_file import open_regular
 
@@ -26,6 +26,37 @@ TOO_LARGE = "Unpack it, and give a single frame."
 def is_packed(head: bytes) -> bool:
     """Whether a file begins as gzip's or bzip2's do."""
     return head.startswith((GZIP, BZIP2))
+
+
+def head_of(path: Path, count: int) -> bytes:
+    """The first bytes of a file, of a packed one those of what is in it; empty where that is damaged. Raises OSError as
+    `open_regular` does."""
+    with open_regular(path) as file:
+        head = file.read(count)
+        if not is_packed(head):
+            return head
+        file.seek(0)
+        opened: Any = gzip.open if head.startswith(GZIP) else bz2.open
+        try:
+            with opened(file) as inner:
+                return bytes(inner.read(count))
+        except (OSError, EOFError, ValueError, zlib.error):
+            return b""
+
+
+@contextmanager
+def readable(path: Path) -> Iterator[Path]:
+    """The file itself or, where it is packed, the unpacked image while the `with` block lasts; as `unpacked`."""
+    try:
+        with open_regular(path) as file:
+            packed = is_packed(file.read(len(BZIP2)))
+    except OSError:
+        packed = False  # who reads it says what is wrong
+    if not packed:
+        yield path
+        return
+    with unpacked(path) as image:
+        yield image
 
 
 @contextmanager
@@ -67,12 +98,17 @@ def _unpack(path: Path, packed: BinaryIO, plain: BinaryIO) -> None:
                 if not member.eof and not content and not part:
                     content = packed.read(CHUNK_BYTES)
                     if not content:
-                        raise unreadable(path, "truncated: its packed content has no end")
+                        raise _damaged(path, "truncated: its packed content has no end")
         except (zlib.error, OSError, EOFError, ValueError) as error:
-            raise unreadable(path, f"its packed content is damaged ({error})") from error
+            raise _damaged(path, f"its packed content is damaged ({error})") from error
         content = member.unused_data
         if len(content) < len(BZIP2):  # the next member's first bytes may be in the next chunk
             content += packed.read(CHUNK_BYTES)
+
+
+def _damaged(path: Path, fault: str) -> RefusedError:
+    remedy = "Fetch the file again from its archive."
+    return RefusedError(Reason.IMAGE_UNREADABLE, f"image {path}: {fault}.", remedy)
 
 
 def _rest(member: Any) -> bytes:

@@ -1,0 +1,70 @@
+"""Which column of a user's star catalog is what: by the names that the large catalogs use, or as the user says."""
+
+from collections.abc import Mapping, Sequence
+
+from catalog.errors import RefusedError
+from catalog.reasons import Reason
+
+# Names that a column may have, in lower case, the likelier first: Gaia's archive, VizieR's copies of Gaia, Tycho and
+# UCAC, and plain English.
+KNOWN_NAMES: Mapping[str, tuple[str, ...]] = {
+    "ra_deg": ("ra_deg", "ra", "ra_icrs", "raj2000", "_raj2000", "radeg", "ra_j2000", "right_ascension", "_ra"),
+    "dec_deg": (
+        "dec_deg",
+        "dec",
+        "de_icrs",
+        "dec_icrs",
+        "dej2000",
+        "_dej2000",
+        "dedeg",
+        "dec_j2000",
+        "declination",
+        "_de",
+    ),
+    "magnitude": (
+        "magnitude",
+        "mag",
+        "phot_g_mean_mag",
+        "gmag",
+        "g_mag",
+        "vtmag",
+        "vmag",
+        "v",
+        "f.mag",
+        "fmag",
+        "hpmag",
+    ),
+    "pm_ra_mas": ("pm_ra_mas", "pmra", "pm_ra", "pmra_cosdec", "pmracosdec"),
+    "pm_dec_mas": ("pm_dec_mas", "pmdec", "pmde", "pm_dec", "pm_de"),
+    "parallax_mas": ("parallax_mas", "parallax", "plx"),
+    "ident": ("ident", "source_id", "source", "name", "id", "designation", "hip", "tyc", "ucac4"),
+    "epoch": ("epoch", "ref_epoch", "refepoch"),
+}
+NEEDED = ("ra_deg", "dec_deg", "magnitude")
+
+
+def column_map(present: Sequence[str], given: Mapping[str, str], path: str) -> dict[str, str]:
+    """Our name of each known column with the file's. given: the user's own choice, which comes first.
+
+    Raises RefusedError for a choice that is no column, or where a needed one is not found."""
+    by_lower = {name.lower(): name for name in reversed(list(present))}
+    if unknown := [key for key in given if key not in KNOWN_NAMES]:
+        fault = f"star catalog {path}: {', '.join(unknown)} is no name of ours."
+        raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, f"Give NAME=COLUMN with {', '.join(KNOWN_NAMES)}.")
+    if missing := [name for name in given.values() if name not in present and name.lower() not in by_lower]:
+        fault = f"star catalog {path} has no column {', '.join(missing)}; it has {_some(present)}."
+        raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, "Correct --columns.")
+    found = {key: name if name in present else by_lower[name.lower()] for key, name in given.items()}
+    for key, names in KNOWN_NAMES.items():
+        known = next((by_lower[name] for name in names if name in by_lower), None)
+        if key not in found and known is not None:
+            found[key] = known
+    if lacking := [key for key in NEEDED if key not in found]:
+        fault = f"star catalog {path} has no column that is known as {', '.join(lacking)}; it has {_some(present)}."
+        remedy = f"Say which is which: --columns {','.join(f'{key}=COLUMN' for key in lacking)}."
+        raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, remedy)
+    return found
+
+
+def _some(names: Sequence[str]) -> str:
+    return ", ".join(names[:20]) + (", ..." if len(names) > 20 else "")

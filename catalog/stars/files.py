@@ -1,0 +1,197 @@
+"""A user's own star catalog: FITS, VOTable, CSV or Parquet, with a column map.
+
+Of Parquet and FITS a cone reads only what it needs: row groups whose declinations (and, where the cone holds no pole,
+right ascensions) may be in it, and then the columns that are used; of FITS the two columns of the directions first. CSV
+and VOTable are text from end to end and are read once.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import RefusedError
+from catalog.reasons import Reason
+from catalog.regular_file import check_regular
+from catalog.stars.columns import column_map
+from catalog.stars.source import Cone
+from catalog.stars.table import StarTable, unit_vectors
+
+SUFFIXES = {
+    ".fits": "fits", ".fit": "fits", ".fts": "fits", ".vot": "votable", ".xml": "votable", ".votable": "votable",
+    ".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet",
+}  # fmt: skip
+MAX_BYTES = 200_000_000_000
+MOST_STARS = 20_000_000  # that are kept in memory
+NARROWER = "give --near and --cone-deg, and sort the file by declination"
+DEFAULT_EPOCH = 2000.0
+Columns = dict[str, NDArray[Any]]
+OPTIONAL = ("pm_ra_mas", "pm_dec_mas", "parallax_mas")
+
+
+@dataclass(frozen=True)
+class FileCatalog:
+    """A catalog in a file. columns: our names of columns (`catalog.stars.columns`) with the file's, where they are not
+    among the known ones. epoch: Julian year of the directions, where no column says it; None takes 2000."""
+
+    path: Path
+    columns: Mapping[str, str] = field(default_factory=dict)
+    epoch: float | None = None
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self.path.name
+
+    def stars(self, cone: Cone | None = None) -> StarTable:
+        """Stars within a cone, or all; brightest first. Raises RefusedError naming the file, the fault, the remedy."""
+        try:
+            check_regular(self.path, MAX_BYTES)
+            return self._table(self._read(cone), cone)
+        except FileNotFoundError as error:
+            fault = f"star catalog {self.path} does not exist."
+            raise RefusedError(Reason.STAR_CATALOG_UNREADABLE, fault, "Give a file, or gaia or hipparcos.") from error
+        except (OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+            fault = f"star catalog {self.path} cannot be read: {error}."
+            remedy = "Save it as FITS, VOTable, CSV or Parquet, with directions in degrees."
+            raise RefusedError(Reason.STAR_CATALOG_UNREADABLE, fault, remedy) from error
+
+    def _read(self, cone: Cone | None) -> Columns:
+        kind = SUFFIXES.get(self.path.suffix.lower())
+        if kind is None:
+            fault = f"star catalog {self.path}: its name ends in {self.path.suffix!r}."
+            raise RefusedError(Reason.STAR_CATALOG_UNREADABLE, fault, f"Known are {', '.join(SUFFIXES)}.")
+        if kind == "parquet":
+            return _of_parquet(self.path, self.columns, cone)
+        if kind == "fits":
+            return _of_fits(self.path, self.columns, cone)
+        stat = self.path.stat()
+        return _of_text(self.path, kind, tuple(sorted(self.columns.items())), (stat.st_mtime_ns, stat.st_size))
+
+    def _table(self, columns: Columns, cone: Cone | None) -> StarTable:
+        values = {key: _numbers(column) for key, column in columns.items() if key not in ("ident", "epoch")}
+        ra, dec = values["ra_deg"], values["dec_deg"]
+        known = np.isfinite(ra) & np.isfinite(dec) & (np.abs(dec) <= 90)
+        if cone is not None:
+            known &= unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg))
+        chosen = np.flatnonzero(known)
+        if len(chosen) > MOST_STARS:
+            raise ValueError(f"{len(chosen)} stars are more than {MOST_STARS}; {NARROWER}")
+        blank = np.zeros(len(chosen))
+        pm_ra, pm_dec, parallax = (np.nan_to_num(values[key][chosen]) if key in values else blank for key in OPTIONAL)
+        ident = columns.get("ident")
+        names = np.arange(len(ra)) if ident is None else np.asarray(ident)
+        table = StarTable(
+            self.name, np.array([_text(each) for each in names[chosen].tolist()], dtype=str), ra[chosen], dec[chosen],
+            values["magnitude"][chosen], pm_ra, pm_dec, parallax, self._epoch(columns),
+        )  # fmt: skip
+        return table.by_brightness()
+
+    def _epoch(self, columns: Columns) -> float:
+        if self.epoch is not None:
+            return self.epoch
+        if "epoch" not in columns or not len(columns["epoch"]):
+            return DEFAULT_EPOCH
+        epochs = np.unique(_numbers(columns["epoch"]))
+        if len(epochs) != 1 or not 1800 < epochs[0] < 2200:
+            raise ValueError("its column of epochs holds no single Julian year; give --epoch")
+        return float(epochs[0])
+
+
+def _numbers(column: Any) -> NDArray[np.float64]:
+    """Numbers of a column; what is masked or empty becomes NaN."""
+    if isinstance(column, np.ma.MaskedArray):
+        return np.asarray(np.ma.filled(column.astype(np.float64), np.nan))
+    return np.asarray(column, dtype=np.float64)
+
+
+def _text(value: Any) -> str:
+    return value.decode("utf-8", "replace").strip() if isinstance(value, bytes) else str(value).strip()
+
+
+def _of_parquet(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        with pq.ParquetFile(path) as file:
+            names = column_map(file.schema_arrow.names, given, str(path))
+            groups = [number for number in range(file.num_row_groups) if _may_hold(file, number, names, cone)]
+            if (rows := sum(file.metadata.row_group(number).num_rows for number in groups)) > MOST_STARS:
+                raise ValueError(f"{rows} stars would be read, {MOST_STARS} are the most; {NARROWER}")
+            table = file.read_row_groups(groups, columns=list(names.values()))
+    except pa.ArrowException as error:
+        raise ValueError(str(error)) from error
+    return {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}
+
+
+def _may_hold(file: Any, number: int, names: Mapping[str, str], cone: Cone | None) -> bool:
+    """Whether a row group may hold stars of a cone, by its statistics; true where it has none."""
+    if cone is None:
+        return True
+    (ra_low, ra_high), (dec_low, dec_high) = _bounds(cone)
+    group = file.metadata.row_group(number)
+    for at in range(group.num_columns):
+        column = group.column(at)
+        statistics = column.statistics
+        if statistics is None or not statistics.has_min_max:
+            continue
+        if column.path_in_schema == names["dec_deg"] and (statistics.max < dec_low or statistics.min > dec_high):
+            return False
+        if column.path_in_schema == names["ra_deg"]:
+            # A cone over 0 degrees runs from below 0, or to above 360.
+            spans = ((ra_low + turn, ra_high + turn) for turn in (-360.0, 0.0, 360.0))
+            if not any(statistics.min <= high and statistics.max >= low for low, high in spans):
+                return False
+    return True
+
+
+def _bounds(cone: Cone) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Limits of right ascension (which may run below 0 or above 360) and declination of a cone, degrees."""
+    x, y, z = cone.axis
+    ra, dec = np.degrees(np.arctan2(y, x)) % 360.0, np.degrees(np.arcsin(np.clip(z, -1, 1)))
+    low, high = dec - cone.radius_deg, dec + cone.radius_deg
+    if low <= -90 or high >= 90:
+        return (0.0, 360.0), (max(low, -90.0), min(high, 90.0))
+    half = np.degrees(np.arcsin(min(1.0, np.sin(np.radians(cone.radius_deg)) / np.cos(np.radians(dec)))))
+    return (ra - half, ra + half), (low, high)
+
+
+def _of_fits(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns:
+    from astropy.io import fits
+
+    with fits.open(path, memmap=True) as file:
+        tables = [part for part in file if isinstance(part, fits.BinTableHDU | fits.TableHDU)]
+        if not tables:
+            raise ValueError("it holds no table")
+        data = tables[0].data
+        names = column_map(data.names, given, str(path))
+        chosen: Any = slice(None)
+        if cone is not None:
+            ra, dec = (np.asarray(data[names[key]], dtype=np.float64) for key in ("ra_deg", "dec_deg"))
+            chosen = np.flatnonzero(unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg)))
+        return {key: np.array(data[name][chosen]) for key, name in names.items()}
+
+
+@lru_cache(maxsize=2)
+def _of_text(path: Path, kind: str, given: tuple[tuple[str, str], ...], _: tuple[int, int]) -> Columns:
+    """All columns of a CSV file or a VOTable; the last two files are remembered."""
+    if kind == "votable":
+        from astropy.io.votable import parse_single_table
+
+        table = parse_single_table(path, verify="ignore").to_table(use_names_over_ids=True)
+        names = column_map(table.colnames, dict(given), str(path))
+        return {key: np.ma.asarray(table[name]) for key, name in names.items()}
+    import pandas as pd
+
+    content = pd.read_csv(path, sep="\t" if path.suffix.lower() == ".tsv" else ",", comment="#", skipinitialspace=True)
+    content.columns = [str(name).strip() for name in content.columns]
+    names = column_map(list(content.columns), dict(given), str(path))
+    return {
+        key: (content[name] if key == "ident" else pd.to_numeric(content[name], errors="coerce")).to_numpy()
+        for key, name in names.items()
+    }

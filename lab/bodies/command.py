@@ -1,0 +1,35 @@
+"""planetpose benchmark bodies"""
+
+from typing import Annotated
+
+import typer
+
+
+def bodies(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
+    scenes: Annotated[int, typer.Option(min=1, max=2000, help="How many, the kinds by turns.")] = 36,
+    kind: Annotated[list[str] | None, typer.Option(help="Of this kind alone; repeat for more.")] = None,
+) -> None:
+    """Correct frames of several bodies: a moon beside its planet, before it, half hidden, in shadows, behind rings."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.bodies.run import chosen, run_scenes, summary_of
+    from lab.bodies.scenes import KINDS
+
+    unknown = sorted(set(kind or ()) - set(KINDS))
+    if unknown:
+        raise typer.BadParameter(f"{', '.join(unknown)}: known are {', '.join(KINDS)}.", param_hint="--kind")
+    with clean_stdout() as answer:
+        rows = run_scenes(chosen(scenes, kind or ()), lambda row: typer.echo(line_of(row), err=True))
+        figures = summary_of(rows)
+        if json:
+            write_json(answer, figures | {"rows": rows})
+        else:
+            for name, value in figures.items():
+                print(f"{name:28s} {value}", file=answer)
+
+
+def line_of(row: dict[str, object]) -> str:
+    """One scene's row in words."""
+    error = row["centre_error_px"]
+    off = f"{error:.3f} px off" if isinstance(error, float) else "no pose"
+    return f"{row['id']:22s} {row['status']:9s} {off} {str(row['reason'] or '')[:100]}"

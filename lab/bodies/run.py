@@ -1,0 +1,105 @@
+"""Correct scenes of several bodies and compare with the truth."""
+
+import json
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab.bodies.picture import truth_of, write_scene
+from lab.bodies.scenes import KINDS, Scene, scene_of
+
+Row = dict[str, Any]
+# An `ok` is wrong where its centre is off by more than this, and by more than so many of its stated sigmas.
+BAR_PX, WRONG_SIGMAS = 0.1, 3.0
+# Shadows are compared as lit, partly and not lit: the counted truth tells fractions to about 0.02.
+LIT, DARK = 0.02, 0.98
+
+
+def chosen(count: int, kinds: Sequence[str] = ()) -> list[Scene]:
+    """`count` scenes, the kinds by turns."""
+    names = [kind for kind in KINDS if not kinds or kind in kinds]
+    return [scene_of(names[number % len(names)], number // len(names)) for number in range(count)]
+
+
+def run_scene(scene: Scene, with_bodies: bool = True, keep: Path | None = None) -> Row:
+    """Correct a scene from its files. with_bodies: as the pose file has them; without, as if nobody knew them."""
+    from flows.one_image import one_result
+    from flows.progress import Silent
+    from flows.request import Request
+    from tasks.publish.cube import open_cube
+    from tasks.step import run
+
+    folder = keep or Path(tempfile.mkdtemp(prefix="bodies-"))
+    try:
+        files = write_scene(scene, folder)
+        if not with_bodies:
+            content = json.loads(files.pose.read_text())
+            files.pose.write_text(json.dumps({key: value for key, value in content.items() if key != "bodies"}))
+        request = Request(
+            image=files.image, camera=str(files.camera), target=scene.target, pose_file=files.pose, kernels=(),
+            store=folder / "out", cache=folder / "cache",
+        )  # fmt: skip
+        begun = time.perf_counter()
+        result = one_result(request, Silent(), run_step=run)
+        row: Row = {"id": scene.id, "kind": scene.kind, "status": result["status"], "reason": result["reason"]}
+        row["seconds"] = round(time.perf_counter() - begun, 2)
+        row["centre_error_px"] = row["body_wrong"] = row["shadow_wrong"] = None
+        if result.get("centre_px"):
+            off = np.array(result["centre_px"]) - scene.centre_px
+            row["centre_error_px"] = float(np.hypot(*off))
+            row["sigmas"] = float(np.max(np.abs(off) / result["uncertainty"]["centre_px"]))
+            with open_cube(folder / "out" / scene.id / "cube.zarr") as cube:
+                row |= flags_wrong(cube, scene)
+        return row
+    finally:
+        if keep is None:
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def flags_wrong(cube: Any, scene: Scene) -> Row:
+    """Shares of the frame's pixels whose body or shadow is not the true one."""
+    truth = truth_of(scene)
+    if "body_id" not in cube:
+        return {}
+    body_id, shadow = cube["body_id"].values, cube["shadow"].values
+    same = (body_id == truth["body_id"]) & (body_id != 0)
+    classes = [np.digitize(each[same], [LIT, DARK]) for each in (shadow, truth["shadow"])]
+    return {
+        "body_wrong": float(np.mean(body_id != truth["body_id"])),
+        "shadow_wrong": float(np.count_nonzero(np.abs(classes[0] - classes[1]) > 0) / body_id.size),
+    }
+
+
+def run_scenes(scenes: Sequence[Scene], report: Callable[[Row], None] = lambda _: None) -> list[Row]:
+    """All of them, one after the other."""
+    rows = []
+    for scene in scenes:
+        rows.append(run_scene(scene))
+        report(rows[-1])
+    return rows
+
+
+def summary_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """The figures that the bars are about; also by kind."""
+    sound = [row for row in rows if row["status"] == "ok" and row["centre_error_px"] is not None]
+    errors = [row["centre_error_px"] for row in sound]
+    right = {
+        name: float(1 - np.mean([row[f"{name}_wrong"] for row in rows if row.get(f"{name}_wrong") is not None] or [1]))
+        for name in ("body", "shadow")
+    }
+    return {
+        "scenes": len(rows),
+        "ok": sum(row["status"] == "ok" for row in rows),
+        "wrong_ok": sum(row["centre_error_px"] > BAR_PX and row["sigmas"] > WRONG_SIGMAS for row in sound),
+        "ok_beyond_bar": sum(error > BAR_PX for error in errors),
+        "share_ok": float(np.mean([row["status"] == "ok" for row in rows])) if rows else 0.0,
+        "centre_median_px": float(np.median(errors)) if errors else None,
+        "centre_worst_px": max(errors, default=None),
+        "body_right": right["body"],
+        "shadow_right": right["shadow"],
+    }

@@ -1,0 +1,1 @@
+"""What people decided about single images of a store, beside the products: it outlives them, and later runs keep it."""

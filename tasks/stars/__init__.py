@@ -1,0 +1,1 @@
+"""Stars of a frame: found, identified in a catalog, and the camera's orientation from them."""

@@ -1,0 +1,42 @@
+"""planetpose view STORE"""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(view)
+
+
+def view(
+    store: Annotated[Path, typer.Argument(metavar="STORE", help="A folder of products.", show_default=False)],
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: any that is free.")] = 0,
+    host: Annotated[
+        str, typer.Option(help="Where the page can be reached; other than this machine, with a token only.")
+    ] = "127.0.0.1",
+    read_only: Annotated[
+        bool, typer.Option("--read-only", help="Only show: no decisions, nothing is done again.")
+    ] = False,
+    compare: Annotated[
+        Path | None, typer.Option(metavar="STORE", help="A second store, for before and after a change.")
+    ] = None,
+    export: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Write the page as files for a web server instead.")
+    ] = None,
+    only: Annotated[str, typer.Option(help="--export: images that fit this filter.")] = "",
+    open_: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser where there is a display.")] = True,
+) -> None:
+    """Open a page to look at a store and to help with its images: table, filters, image with layers, values under the
+    mouse, nudge, accept, redo."""
+    if export is not None:
+        from viewer.export import export_store
+
+        pages = export_store(store, export, only)
+        print(f"{export / 'index.html'}: {pages} images")
+        return
+    from viewer.serving import serve
+
+    serve(store, host, port, read_only, compare, open_)

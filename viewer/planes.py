@@ -1,0 +1,175 @@
+"""Planes of products as arrays, and their tiles for deep zoom; the latest ones stay in memory, up to a limit."""
+
+import threading
+from collections import OrderedDict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from catalog.errors import FailedError, RefusedError
+from catalog.reasons import Reason
+from tasks.publish.cube import open_cube
+from tasks.publish.extra_planes import EXTRA
+from tasks.publish.names import CUBE
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Plane = NDArray[np.float32]
+
+TILE_PX = 512
+MEMORY_BYTES = 64_000_000
+OPEN_CUBES = 4
+NEAREST = ("quality", "longitude")  # a mean of flags, or over the end of a circle, means nothing
+# Made from the product's scene when they are wanted; the pose that they are of.
+SIMULATED = {
+    "simulation": "after",
+    "residual": "after",
+    "simulation_predicted": "before",
+    "residual_predicted": "before",
+}
+
+
+class Planes:
+    """Planes of one store's products, by name."""
+
+    def __init__(self, store: Path) -> None:
+        self.store = Path(store)
+        self._lock = threading.RLock()
+        self._simulating = threading.Lock()
+        self._cubes: OrderedDict[str, xr.Dataset] = OrderedDict()
+        self._planes: OrderedDict[tuple[str, str, int], Plane] = OrderedDict()
+
+    def cube(self, product: str) -> "xr.Dataset":
+        """The open cube, lazy. Raises RefusedError when there is none, or it is damaged."""
+        with self._lock:
+            if product in self._cubes:
+                self._cubes.move_to_end(product)
+                return self._cubes[product]
+            folder = self.store / product
+            if not (folder / CUBE).is_dir():
+                raise RefusedError(Reason.PRODUCT_MISSING, f"{product} has no {CUBE}.", "See its reason in the table.")
+            self._cubes[product] = open_cube(folder / CUBE)
+            while len(self._cubes) > OPEN_CUBES:
+                self._cubes.popitem(last=False)[1].close()
+            return self._cubes[product]
+
+    def forget(self, product: str) -> None:
+        """Read the product anew when it is wanted: it was exchanged."""
+        with self._lock:
+            cube = self._cubes.pop(product, None)
+            if cube is not None:
+                cube.close()
+            for key in [key for key in self._planes if key[0] == product]:
+                del self._planes[key]
+
+    def plane(self, product: str, name: str, level: int = 0) -> Plane:
+        """A plane (ny, nx), float32, NaN where nothing is known; of level n reduced by 2**n. Raises RefusedError for a
+        plane that is not there or cannot be made."""
+        key = (product, name, level)
+        with self._lock:
+            if key in self._planes:
+                self._planes.move_to_end(key)
+                return self._planes[key]
+        if level > 0:
+            found = reduced(self.plane(product, name, level - 1), name in NEAREST)
+        elif name in SIMULATED:
+            with self._simulating:
+                found = self._simulated(product, name)
+        else:
+            found = self._read(product, name)
+        with self._lock:
+            self._planes[key] = found
+            while sum(each.nbytes for each in self._planes.values()) > MEMORY_BYTES and len(self._planes) > 1:
+                self._planes.popitem(last=False)
+        return found
+
+    def tile(self, product: str, name: str, level: int, column: int, row: int) -> bytes:
+        """A tile's values as little-endian float32, row by row; its size follows from the plane's. Raises RefusedError
+        for a tile outside of the plane."""
+        plane = self.plane(product, name, level)
+        part = plane[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
+        if min(row, column) < 0 or not part.size:
+            raise RefusedError(Reason.PARAMETERS_INVALID, f"there is no tile {column}, {row}.", "")
+        return np.ascontiguousarray(part, dtype="<f4").tobytes()
+
+    def names(self, product: str) -> list[dict[str, Any]]:
+        """Name, long name and units of every plane of the image's size."""
+        cube, extra = self.cube(product), self._extra(product)
+        shape = cube["image"].shape
+        variables = {str(name): cube[name] for name in cube.variables if cube[name].shape == shape}
+        variables |= {str(name): extra[name] for name in extra.data_vars} if extra is not None else {}
+        found = [
+            {"name": name, "long_name": array.attrs.get("long_name", name), "units": array.attrs.get("units", "1")}
+            for name, array in variables.items()
+        ]
+        return found + [
+            {"name": name, "long_name": name.replace("_", ", "), "units": "1"} for name in SIMULATED
+        ]  # fmt: skip
+
+    def _extra(self, product: str) -> "xr.Dataset | None":
+        folder = self.store / product / EXTRA
+        return open_cube(folder) if folder.is_dir() else None
+
+    def _read(self, product: str, name: str) -> Plane:
+        cube = self.cube(product)
+        source: Any = cube if name in cube.variables else self._extra(product)
+        if source is None or name not in source.variables or source[name].shape != cube["image"].shape:
+            known = ", ".join(each["name"] for each in self.names(product))
+            raise RefusedError(Reason.PLANE_UNKNOWN, f"{product} has no plane {name!r}.", f"It has {known}.")
+        return np.asarray(source[name].values, dtype=np.float32)
+
+    def _simulated(self, product: str, name: str) -> Plane:
+        """The simulation in the image's unit, or the residual relative to the disk's bright parts."""
+        from tasks.pictures.product import read_product
+        from tasks.pictures.residual_figure import residual_of
+
+        read = read_product(self.store / product)
+        found = residual_of(read, getattr(read, SIMULATED[name]))
+        if found is None:
+            fault = f"the simulation of {product} shows nothing under this pose."
+            raise FailedError(Reason.NO_USABLE_PIXELS, fault, "Look at the limbs instead.")
+        values = found.relative if name.startswith("residual") else found.model
+        whole = np.full(read.observation.image.shape, np.nan, np.float32)
+        x0, y0 = found.origin
+        rows, columns = values.shape
+        inside = np.s_[max(y0, 0) : y0 + rows, max(x0, 0) : x0 + columns]
+        clipped = values[max(-y0, 0) :, max(-x0, 0) :]
+        target = whole[inside]
+        target[...] = clipped[: target.shape[0], : target.shape[1]]
+        return self._on_image(product, whole)
+
+    def _on_image(self, product: str, undistorted: Plane) -> Plane:
+        """A plane of the undistorted frame at the image's pixels, which may be the detector's own."""
+        cube = self.cube(product)
+        if "place_x" not in cube:
+            return undistorted
+        import cv2
+
+        x, y = (np.asarray(cube[each].values, dtype=np.float32) for each in ("place_x", "place_y"))
+        found = cv2.remap(undistorted, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
+        return np.asarray(found, dtype=np.float32)
+
+
+def reduced(plane: Plane, nearest: bool) -> Plane:
+    """Half the size: means of what is known in 2 x 2 pixels, or one of them."""
+    if nearest:
+        return np.ascontiguousarray(plane[::2, ::2])
+    rows, columns = (size + size % 2 for size in plane.shape)
+    padded = np.full((rows, columns), np.nan, np.float32)
+    padded[: plane.shape[0], : plane.shape[1]] = plane
+    squares = padded.reshape(rows // 2, 2, columns // 2, 2)
+    known = np.isfinite(squares)
+    count = known.sum(axis=(1, 3))
+    total = np.where(known, squares, 0).sum(axis=(1, 3), dtype=np.float64)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+
+
+def levels_of(shape: tuple[int, int]) -> int:
+    """How many levels there are until the whole plane is one tile."""
+    levels, size = 1, max(shape)
+    while size > TILE_PX:
+        size, levels = (size + 1) // 2, levels + 1
+    return levels
