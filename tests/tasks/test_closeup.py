@@ -38,7 +38,7 @@ def pose_at(range_km: float, centre_px: tuple[float, float]) -> Pose:
         (3000.0, (5000, 900), False),  # nothing of the body in the frame
         (9000.0, (200, 150), True),  # a disk of 520 px radius fills the frame, of which a seventh is in it
         (13000.0, (200, 150), False),  # more than a quarter of a disk of 360 px radius
-        (13000.0, (500, 150), True),
+        (13000.0, (650, 150), True),
     ],
 )
 def test_a_close_up_shows_less_than_a_quarter_of_the_disk(
