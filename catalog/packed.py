@@ -1,6 +1,7 @@
 """Images packed by gzip or bzip2: unpacked into a folder of their own, no further than an image has bytes."""
 
 import bz2
+import gzip
 import shutil
 import tempfile
 import zlib
@@ -25,6 +26,22 @@ TOO_LARGE = "Unpack it, and give a single frame."
 def is_packed(head: bytes) -> bool:
     """Whether a file begins as gzip's or bzip2's do."""
     return head.startswith((GZIP, BZIP2))
+
+
+def head_of(path: Path, count: int) -> bytes:
+    """The first bytes of a file, of a packed one those of what is in it; empty where that is damaged. Raises OSError as
+    `open_regular` does."""
+    with open_regular(path) as file:
+        head = file.read(count)
+        if not is_packed(head):
+            return head
+        file.seek(0)
+        opened: Any = gzip.open if head.startswith(GZIP) else bz2.open
+        try:
+            with opened(file) as inner:
+                return bytes(inner.read(count))
+        except (OSError, EOFError, ValueError, zlib.error):
+            return b""
 
 
 @contextmanager

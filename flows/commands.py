@@ -12,14 +12,15 @@ from catalog.plain_text import printable
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
     MosaicOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from catalog.fetch import Item
@@ -229,6 +230,24 @@ def mosaic(options: MosaicOptions, show: Show) -> None:
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
 
+def control(options: ControlOptions, show: Show) -> None:
+    """A row with the table of images, then the files; asides for products that were left out. Raises WrongOptionError
+    for an unknown law or a patch without a middle."""
+    from tasks.control.files import write_control, write_control_kernels
+    from tasks.control.settings import ControlSettings
+    from tasks.control.store import control_report, control_store, control_table
+
+    known = options.model_dump(include=set(ControlSettings.__dataclass_fields__))
+    made = control_store(options.store, ControlSettings(**known), lambda text: show(Row(text, minor=True, aside=True)))
+    report = control_report(made)
+    show(Row(control_table(report), report))
+    paths = write_control(made, options.out)
+    paths += write_control_kernels(made, options.out / "kernels") if options.kernels else []
+    show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in made.left_out:
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
 def adjust(options: AdjustOptions, show: Show) -> None:
     """One row, the report."""
     from tasks.adjust import AdjustSettings
@@ -250,6 +269,22 @@ def stars(options: StarsOptions, show: Show) -> None:
 
     for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
         show(Row(as_text(content), content, good))
+
+
+def astrometry(options: AstrometryOptions, show: Show) -> None:
+    """A row per observation, then the files; asides for products that were left out."""
+    from catalog.settings import default_kernels
+    from tasks.astrometry.store import write_astrometry
+
+    given = options.chosen_kernels
+    kernels = default_kernels() if given is None else given
+    rows, left_out, paths = write_astrometry(options.store, options.out, kernels, options.station)
+    for row in rows:
+        text = "{image}: {body} RA {ra_deg:.6f} Dec {dec_deg:.6f} deg, O-C ({oc_ra_arcsec:+.2f}, {oc_dec_arcsec:+.2f})"
+        show(Row(text.format(**row) + f" arcsec, {row['stars']} stars", row))
+    show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in left_out.items():
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
 
 def check(options: CheckOptions, show: Show) -> None:

@@ -11,14 +11,15 @@ from flows.flow import O, flow_of
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
     MosaicOptions,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 
 def state_of(command: Callable[[O, Show], None], options: O) -> State[None]:
@@ -73,6 +74,12 @@ def mosaic(options: MosaicOptions) -> State[None]:
     return state_of(commands.mosaic, options)
 
 
+@flow_of(ControlOptions)
+def control(options: ControlOptions) -> State[None]:
+    """Tie images of a store to each other and adjust all their poses."""
+    return state_of(commands.control, options)
+
+
 @flow_of(AdjustOptions)
 def adjust(options: AdjustOptions) -> State[None]:
     """Solve for what the images of a store share."""
@@ -83,6 +90,12 @@ def adjust(options: AdjustOptions) -> State[None]:
 def stars(options: StarsOptions) -> State[None]:
     """Identify the stars of images."""
     return state_of(commands.stars, options)
+
+
+@flow_of(AstrometryOptions)
+def astrometry(options: AstrometryOptions) -> State[None]:
+    """Write where bodies are seen among the stars."""
+    return state_of(commands.astrometry, options)
 
 
 @flow_of(CheckOptions)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from catalog.settings import DEFAULT_PROFILE, cache_folder
-from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, known_flip, opt
+from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 
@@ -277,6 +277,25 @@ class MosaicOptions(Options):
     scheduler: Text = opt(description="Address of a Dask scheduler; default: threads of this process.")
 
 
+class ControlOptions(Options):
+    """Tie the images of a store to each other and adjust all their poses together."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("control"), description="Folder for the network, poses, tables and kernels.")
+    points: int = opt(1200, ge=20, le=200_000, description="Places on the body that are tried.")
+    patch_px: int = opt(21, ge=7, le=101, description="Side of a patch, odd; pixels of the coarser image.")
+    search_px: int = opt(4, ge=1, le=40, description="How far matches may lie from where the poses have them.")
+    least_correlation: float = opt(0.8, ge=0.3, le=0.99, description="Of two patches that are taken to match.")
+    law: str = opt("lunar-lambert", description="Photometric law that patches are divided by.")
+    least_attitude_deg: float = opt(
+        0.0, ge=0, description="1-sigma of the bodies' orientations, at least, where products state a smaller one."
+    )
+    free_radius: bool = opt(False, description="Points may lie above or below the shape.")
+    reject_sigma: float = opt(4.0, ge=2, description="Ties further off are left out.")
+    kernels: bool = opt(False, description="SPICE kernels of the adjusted poses, too.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+
+
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 
@@ -285,32 +304,6 @@ class AdjustOptions(Options):
     )
     out: File = opt(description="Folder for adjust.json and a pose file per image.")
     gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
-
-
-class StarsOptions(KernelOptions):
-    """Identify the stars of images: the camera's orientation without any target."""
-
-    files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
-    catalog: str = opt("gaia", description="gaia, hipparcos, or a FITS, VOTable, CSV or Parquet file.")
-    columns: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="NAME=COLUMN,...", text=True)] = opt(
-        (), description="Columns of the file: ra_deg, dec_deg, magnitude, pm_ra_mas, pm_dec_mas, parallax_mas, ident."
-    )
-    epoch: float | None = opt(ge=1800, le=2200, description="Julian year of the file's directions; default 2000.")
-    near: Annotated[Text, Cli(metavar="TARGET|RA,DEC")] = opt(
-        description="The camera looks near this body or direction (degrees), and nowhere else."
-    )
-    cone_deg: float = opt(10.0, gt=0, le=180, description="How near the boresight is to it, degrees.")
-    camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
-    pose_file: Annotated[File, Cli(("--pose",))] = opt(
-        description="Pose file (JSON) whose camera_from_j2000 is the predicted orientation."
-    )
-    mask: File = opt(description="Picture of the raw image's size; not 0: do not use the pixel.")
-    flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
-        description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
-    )
-    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
-    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
-    out: File = opt(description="Folder for a JSON file and a picture per image.")
 
 
 class CheckOptions(Options):

@@ -36,6 +36,7 @@ EMPTY: dict[str, Any] = {
         "plane": None,
         "summing": None,
         "window": None,
+        "bodies": [],
         "resumed_from": None,
         "overruled": [],
     },
@@ -58,6 +59,7 @@ EMPTY: dict[str, Any] = {
     "settled": {"passes": None, "pose": None, "attitude": None},
     "orientation": None,
     "stars": None,
+    "bodies": [],
     "limb_rms_px": None,
     "limb_points": None,
     "limb_robust_px": None,
@@ -127,7 +129,9 @@ def corrected(chain: Chain) -> dict[str, Any]:
         return {}
     product, folder = published.result, product_place(chain, published.folder)
     names = {"cube": f"{folder}/{product.cube}", "overlay": f"{folder}/{product.overlay}"}
-    return product.correction | stated_of(report.result) | names
+    shown = published.step.inputs
+    stated = stated_of(report.result, product.correction, shown.scene.camera, shown.pose)
+    return product.correction | stated | names
 
 
 def product_place(chain: Chain, folder: Path) -> str:

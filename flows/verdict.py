@@ -7,6 +7,7 @@ from catalog.errors import PlanetposeError
 from catalog.readers.overruled import reminder
 from flows.chain import Chain
 from tasks.accept.acceptance import (
+    allowing,
     doubtful_blocks,
     doubtful_blur,
     doubtful_likeness,
@@ -51,8 +52,10 @@ def doubts(chain: Chain) -> list[str]:
     found += by_image.result.doubts if by_image else ()
     if validated:
         report = validated.result
-        found += [] if report.patches is not None else [doubtful_likeness(accept, report.limb)]
-        found += [doubtful_limb(accept, report.limb)]
+        if report.patches is None:
+            found += [doubtful_likeness(accept, report.limb), doubtful_limb(accept, report.limb)]
+        else:
+            found += [doubtful_limb(allowing(accept, report.patches), report.limb)]
         found += [doubtful_sun(accept, report.sun), doubtful_psf(accept, solved_psf(chain), report.limb), report.doubt]
     found = [doubt for doubt in found if doubt]
     found.sort(key=lambda doubt: code_of(doubt) in CONSEQUENCES)  # a cause comes before what may follow from it

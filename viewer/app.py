@@ -3,6 +3,8 @@
 import base64
 import binascii
 import io
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,7 @@ from viewer.table import Table, columns_of
 STATIC = Path(__file__).parent / "static"
 PAGE = STATIC / "index.html"
 TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
+THREADS = 4
 FAULT = "x-planetpose-fault"
 MOST_MASK_PIXELS = 100_000_000
 
@@ -74,7 +77,7 @@ def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI
     """The application. other: a second store that the first is compared with. Raises RefusedError when a store is
     missing."""
     sides = [Side(store)] + ([Side(other)] if other else [])
-    app = FastAPI(title="planetpose view", docs_url=None, redoc_url=None, openapi_url=None)
+    app = FastAPI(title="planetpose view", docs_url=None, redoc_url=None, openapi_url=None, lifespan=few_threads)
     add_page(app, access, sides)
     add_table(app, sides)
     add_products(app, sides)
@@ -83,6 +86,15 @@ def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI
     app.add_middleware(Guard, access=access)
     app.add_exception_handler(PlanetposeError, refused)
     return app
+
+
+@asynccontextmanager
+async def few_threads(_: FastAPI) -> AsyncIterator[None]:
+    """Answer few requests at a time: each works for itself alone, and every thread keeps memory of its own."""
+    import anyio.to_thread
+
+    anyio.to_thread.current_default_thread_limiter().total_tokens = THREADS
+    yield
 
 
 def refused(_: Request, error: Exception) -> Response:

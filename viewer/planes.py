@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 Plane = NDArray[np.float32]
 
 TILE_PX = 512
-MEMORY_BYTES = 96_000_000
-OPEN_CUBES = 8
+MEMORY_BYTES = 64_000_000
+OPEN_CUBES = 4
 NEAREST = ("quality", "longitude")  # a mean of flags, or over the end of a circle, means nothing
 # Made from the product's scene when they are wanted; the pose that they are of.
 SIMULATED = {

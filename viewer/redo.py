@@ -40,7 +40,11 @@ class Job:
                 self.lines = [*self.lines, f"{message['step']} {message['iteration']}: {message['text']}"][-LINES:]
         elif message["kind"] == "end":
             self.result = message["result"]
-            self.status, self.reason = self.result["status"], self.result["reason"]
+
+    def end(self, fault: str) -> None:
+        """Set status and reason: those of the result, or failed with `fault` where the process left none."""
+        known = self.result or {"status": "failed", "reason": fault}
+        self.reason, self.status = known["reason"], known["status"]
 
 
 class Jobs:
@@ -78,7 +82,5 @@ class Jobs:
                 for line in process.stdout or ():
                     job.take(json.loads(line))
                 reader.join()
-            if job.status == "running":
-                job.reason = f"the process ended with {process.returncode}: {''.join(errors[-3:]).strip()}"
-                job.status = "failed"
-        self._ended(job)
+        self._ended(job)  # whoever sees that the job is over sees its product
+        job.end(f"the process ended with {process.returncode}: {''.join(errors[-3:]).strip()}")

@@ -49,7 +49,10 @@ class Table:
 
     def refresh(self) -> None:
         """Read the store anew. Raises RefusedError when it is gone."""
+        import pyarrow as pa
+
         table = prepared(self.store)
+        pa.default_memory_pool().release_unused()  # of a large index some ten MB
         with self._lock:
             self.table = table
             self._orders.clear()

@@ -8,8 +8,9 @@ from pathlib import Path
 from catalog.errors import RefusedError
 from catalog.lists.location import ARCHIVE, URL
 from catalog.lists.tables import Row
+from catalog.packed import head_of
 from catalog.reasons import Reason
-from catalog.regular_file import NotRegularError, is_regular, open_regular
+from catalog.regular_file import NotRegularError, is_regular
 from catalog.safe_name import safe_product_name
 from catalog.times import utc_from_et
 
@@ -51,13 +52,12 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def looks_like_an_image(path: Path) -> bool:
-    """Whether a reader recognises the first bytes of a regular file."""
+    """Whether a reader recognises the first bytes of a regular file, or of what is packed in it."""
     from catalog.readers import all_readers
     from catalog.readers.reading import HEAD_BYTES
 
     try:
-        with open_regular(path) as file:
-            head = file.read(HEAD_BYTES)
+        head = head_of(path, HEAD_BYTES)
     except (IsADirectoryError, NotRegularError):
         return False
     return any(reader.recognises(head, path) for reader in all_readers())

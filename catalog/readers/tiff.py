@@ -155,7 +155,7 @@ def _directories(content: bytes) -> Iterator[dict[int, int]]:
                 for entry in entries
             }
             (place,) = struct.unpack_from(order + word, content, first + count * entry_bytes)
-    except struct.error:
+    except (struct.error, OverflowError):  # beyond the file, or beyond what an offset can be
         return  # GDAL tells what is wrong
 
 

@@ -1,4 +1,4 @@
-"""planetpose adjust, check, export, fetch, kernels, mosaic, photometry, report, stars: commands on lists and stores"""
+"""planetpose adjust, check, control, export, photometry, stars and others: the commands on lists and stores."""
 
 import sys
 from functools import partial
@@ -10,6 +10,7 @@ from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, 
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
@@ -17,8 +18,8 @@ from flows.options import (
     Options,
     PhotometryOptions,
     ReportOptions,
-    StarsOptions,
 )
+from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from flows.commands import Row
@@ -31,6 +32,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     models: dict[str, type[Options]] = {
         "adjust": AdjustOptions,
+        "control": ControlOptions,
         "export": ExportOptions,
         "mosaic": MosaicOptions,
         "photometry": PhotometryOptions,
@@ -42,6 +44,7 @@ def register(app: typer.Typer) -> None:
     add_command(app, KernelsOptions, kernels)
     add_command(app, ReportOptions, report)
     add_command(app, StarsOptions, stars)
+    add_command(app, AstrometryOptions, astrometry)
 
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
@@ -64,6 +67,12 @@ def fetch(options: FetchOptions, dry_run: DryRun = False, json: Json = False) ->
         items, archive = items_of(options)
     for item in items:
         print(f"{item.source} -> {archive / item.path}")
+
+
+def astrometry(options: AstrometryOptions, json: Json = False) -> None:
+    """See `flows.commands.astrometry`."""
+    refuse_useless_kernels(options.kernels)
+    answer("astrometry", options, json)
 
 
 def kernels(options: KernelsOptions, json: Json = False) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from lab.bodies.command import bodies
+from lab.closeup.command import closeup
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
@@ -24,6 +25,7 @@ def register(app: typer.Typer) -> None:
     group.command()(batches)
     group.command()(honesty)
     group.command()(bodies)
+    group.command()(closeup)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)

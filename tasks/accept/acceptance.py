@@ -6,12 +6,15 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
+from tasks.fields import Json
 from tasks.validate.limb import LimbFigures
 from tasks.validate.step import OrientationReport, ValidateResult
 from tasks.validate.sun import SunReport
 
 BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
+# A close-up's limb may lie so many sigmas of the base map's place off.
+LIMB_SIGMAS = 2.0
 # A limb cannot show a narrower PSF than this.
 LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
@@ -21,7 +24,17 @@ BEHIND_REMEDY = (
 
 def check_report(accept: AcceptSettings, report: ValidateResult) -> None:
     """Raise FailedError when the image does not bear the corrected pose out, see `check_limb`."""
-    check_limb(accept, report.limb, by_patches=report.patches is not None)
+    if report.patches is None:
+        check_limb(accept, report.limb)
+    else:
+        check_limb(allowing(accept, report.patches), report.limb, by_patches=True)
+
+
+def allowing(accept: AcceptSettings, patches: Json) -> AcceptSettings:
+    """The same for a close-up: where its limb is, is not better known than its map."""
+    known_px = LIMB_SIGMAS * float(patches["sigma_map_px"]) * float(patches["map_pixel_px"])
+    limits = {name: getattr(accept, name) for name in ("max_limb_rms_px", "sure_limb_rms_px")}
+    return accept.model_copy(update={name: limit and max(limit, known_px) for name, limit in limits.items()})
 
 
 def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:

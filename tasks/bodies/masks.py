@@ -29,20 +29,24 @@ LIMB_POINTS = 1440
 FIXED_POINT_BITS = 4
 
 
-def alone(observation: Observation, pose: Pose, scene: Scene, extra_px: float = 0.0) -> Observation:
+def alone(
+    observation: Observation, pose: Pose, scene: Scene, extra_px: float = 0.0, keep_behind: bool = True
+) -> Observation:
     """The observation with OTHER_BODY where, at `pose`, the light is that of another body or of rings, where they hide
     the target, and where they shadow it; the same object where no other body concerns the frame. extra_px: how far off
-    the pose may be."""
+    the pose may be. keep_behind: leave the light of a body behind the target where the target's limb is before it."""
     if not pose.bodies and not scene.target.rings:
         return observation
-    mask = without_target(pose, scene.camera, scene.target, scene.psf_sigma_px, extra_px)
+    mask = without_target(pose, scene.camera, scene.target, scene.psf_sigma_px, extra_px, keep_behind)
     if not mask.any():
         return observation
     flag = np.where(mask, np.uint16(Quality.OTHER_BODY), np.uint16(0))
     return replace(observation, quality=(observation.quality | flag).astype(np.uint16))
 
 
-def without_target(pose: Pose, camera: Camera, target: Target, psf_sigma_px: float, extra_px: float = 0.0) -> Mask:
+def without_target(
+    pose: Pose, camera: Camera, target: Target, psf_sigma_px: float, extra_px: float = 0.0, keep_behind: bool = True
+) -> Mask:
     """Pixels (ny, nx) of the undistorted frame that say nothing of the target, or may not."""
     nx, ny = camera.size_px
     mask = np.zeros((ny, nx), np.bool_)
@@ -55,7 +59,14 @@ def without_target(pose: Pose, camera: Camera, target: Target, psf_sigma_px: flo
         if body is own or not in_frame(body, camera, margin):
             continue
         other = grown(disk_of(body, camera), margin)
-        if body.pose.range_km > own.pose.range_km and (disk_of(body, camera) & disk).any():
+        if body.pose.range_km <= own.pose.range_km:
+            mask |= other
+            continue
+        if not keep_behind:
+            other &= ~grown(disk, -blur_px)
+        elif disk.any() and not (grown(disk, kept_px(own, camera, psf_sigma_px)) & ~disk_of(body, camera)).any():
+            continue  # wholly before the other body: what is around the target is all that light, known as it is
+        elif (disk_of(body, camera) & disk).any():
             # A moon before its planet: near the limb the planet's light is what the moon hides.
             other &= ~grown(disk, kept_px(own, camera, psf_sigma_px))
         mask |= other
@@ -114,9 +125,11 @@ def disk_of(body: Body, camera: Camera) -> Mask:
 
 
 def grown(mask: Mask, by_px: float) -> Mask:
-    """The mask and what is within `by_px` of it."""
+    """The mask and what is within `by_px` of it; without what is within so much of its edge where that is negative."""
     import cv2
 
-    if not mask.any() or by_px <= 0:
+    if not mask.any() or by_px == 0:
         return mask
+    if by_px < 0:
+        return ~grown(~mask, -by_px)
     return np.asarray(cv2.distanceTransform((~mask).astype(np.uint8), cv2.DIST_L2, 5) <= by_px)

@@ -26,7 +26,7 @@ LARGEST_CORRELATION = 0.99
 
 @dataclass(frozen=True)
 class Consensus:
-    """step: (4,) the motion, see `closeup.motion`. height: of the sum there, in sigmas of what chance gives.
+    """step: (7,) the motion, see `closeup.motion`. height: of the sum there, in sigmas of what chance gives.
     independent: how many independent places the search held; places: how many it looked at. false_alarm: probability
     that chance gives as much anywhere in the search. rival: the next highest sum, in the same sigmas."""
 
@@ -51,7 +51,7 @@ def agreed(
 ) -> Consensus:
     """The motion at which the correlations' sum is highest.
 
-    response: (n, 2, 4), see `responses`. search_px: of the displacement that all have in common. reach_px: how far the
+    response: (n, 2, 7), see `responses`. search_px: of the displacement that all have in common. reach_px: how far the
     sum is computed to learn its scatter; the patches' own search reaches as much farther as rolls and ranges move them.
     """
     votes = standardised(surfaces.correlation)
@@ -70,7 +70,7 @@ def agreed(
         looked_at += searched.size
         y, x = (int(k) + near.start for k in np.unravel_index(np.argmax(searched), searched.shape))
         if best is None or total[y, x] > best[0]:
-            best = float(total[y, x]), np.array([reach_px - x, reach_px - y, roll, far]), total, (y, x)
+            best = float(total[y, x]), np.array([reach_px - x, reach_px - y, roll, far, 0, 0, 0]), total, (y, x)
     if best is None:
         raise ValueError("a grid without rolls or ranges")
     peak, step, total, place = best

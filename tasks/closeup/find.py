@@ -1,79 +1,31 @@
 """Close-ups: the pose of a frame that shows little or nothing of the limb, by matching it to the base map."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalog.errors import FailedError, RefusedError
+from catalog.errors import RefusedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.reasons import Reason
-from tasks.closeup.consensus import Consensus, agreed, grid
+from tasks.closeup.figures import doubt_of, patch_figures
 from tasks.closeup.level import Level, map_pixel_km, pixel_km
-from tasks.closeup.motion import RANGE, ROLL, Anchor, moved, responses
+from tasks.closeup.motion import RANGE, ROLL, SIZE
 from tasks.closeup.refine import Refined, refined
+from tasks.closeup.search import Prior, Search, not_matched, refuse_chance, searched
 from tasks.closeup.settings import CloseUpSettings
-from tasks.closeup.uncertainty import UNKNOWNS, Errors, errors_of
+from tasks.closeup.uncertainty import UNKNOWNS, errors_of
 from tasks.correction import FORMAL, Correction
-from tasks.joint.parameters import State, difference
+from tasks.joint.parameters import ATTITUDE, State, difference
 from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 
-Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 
-FEWEST_PATCHES = 6
-# The scatter of the summed correlations is learned at least so far around, pixels of the comparison; the refinement
-# works on frames of no more than so many.
-LEAST_REACH_PX, LARGEST_PX = 24, 1024
-# The refined pose must stay where the search found it, pixels of the search: its grid is about so coarse.
-SAME_PLACE_PX = 4.0
-REMEDY = (
-    "Check target, base map, range and the camera's roll; the surface may lie farther from its predicted place than "
-    "closeup.reach_px of the profile: raise it, or say where the target's centre is with --start-offset."
-)
-
-
-@dataclass(frozen=True)
-class Prior:
-    """1-sigma of what is known before: roll, degrees; logarithm of the range factor; the body's orientation about each
-    axis, degrees. 0 where held."""
-
-    roll_deg: float
-    range: float
-    attitude_deg: float
-
-    @classmethod
-    def of(cls, priors: PriorSettings, pose: Pose, settings: CloseUpSettings) -> "Prior":
-        """Of the metadata's errors, as far as the settings look for them. A turn of the body about the line of sight
-        looks like a roll."""
-        attitude = priors.attitude_deg or np.inf
-        roll = min(float(np.hypot(priors.roll_deg or np.inf, attitude)), settings.max_roll_deg / settings.sigmas)
-        far = min(priors.range_sigma(pose.range_km), settings.max_range / settings.sigmas)
-        hold = settings.hold
-        return cls(
-            0.0 if "roll" in hold else roll,
-            0.0 if "range" in hold else far,
-            0.0 if "attitude" in hold else min(attitude, settings.max_roll_deg),
-        )
-
-    @property
-    def of_motion(self) -> Array:
-        """(4,), see `closeup.motion`: inf for the pointing."""
-        return np.array([np.inf, np.inf, self.roll_deg, self.range])
-
-
-@dataclass(frozen=True)
-class Search:
-    """What all patches agree on, at n x n pixels: the pose there, and how sure it is."""
-
-    pose: Pose
-    n: int
-    consensus: Consensus
-    patches: int
+# The refinement works on frames of no more pixels across.
+LARGEST_PX = 1024
+AMBIGUOUS = "without a limb a turn of the body cannot be told from one of the camera"
 
 
 def find_close_up(
@@ -96,14 +48,14 @@ def find_close_up(
     if progress:
         progress("closeup", 0, f"search: {found.consensus.height:.1f} sigmas of {found.patches} patches")
     refuse_chance(found, settings)
-    off = np.array([0.0, 0.0, found.consensus.step[ROLL], found.consensus.step[RANGE]])
+    off = np.where(np.isin(range(SIZE), (ROLL, RANGE)), found.consensus.step, 0.0)
     off[RANGE] += np.log(pose.range_km / predicted.range_km)
-    best, start = None, found.pose
+    best, start, map_error_px = None, found.pose, settings.map_error_px * map_px
     coarsest_left = int(np.ceil(max(scene.camera.size_px) / LARGEST_PX))
     finest = max(1, round(map_px / settings.map_pixel_px), coarsest_left)
     for n in sorted({found.n, min(found.n, finest)}, reverse=True):
         level = Level.of(observation, scene, n)
-        nearer = refined(level, start, off, prior.of_motion, settings.patches)
+        nearer = refined(level, start, off, prior.of_motion, map_error_px / n, settings.patches)
         if nearer is None:
             break
         best, start, off = (nearer, level), nearer.pose, nearer.off
@@ -140,49 +92,6 @@ def refuse_without_map(pose: Pose, scene: Scene, settings: CloseUpSettings) -> f
     return map_px
 
 
-def searched(
-    observation: Observation, pose: Pose, scene: Scene, prior: Prior, settings: CloseUpSettings, map_px: float
-) -> Search:
-    """The motion that all patches agree on. Raises FailedError where there are too few patches."""
-    n = max(1, round(map_px / settings.map_pixel_px), int(np.ceil(max(scene.camera.size_px) / settings.largest_px)))
-    level = Level.of(observation, scene, n)
-    camera, target = level.scene.camera, level.scene.target
-    xy = level.on_body(pose)
-    anchor = Anchor.at(pose, camera, target, xy)
-    every = responses(pose, camera, target, anchor, xy)
-    most = np.nanmax(np.hypot(every[:, 0], every[:, 1]), axis=0)
-    rolls = grid(prior.roll_deg, settings.max_roll_deg, settings.sigmas, most[ROLL])
-    ranges = grid(prior.range, settings.max_range, settings.sigmas, most[RANGE])
-    search = int(np.ceil(settings.reach_px / n))
-    reach = max(search, LEAST_REACH_PX)
-    extra = int(np.ceil(most[ROLL] * rolls.max() + most[RANGE] * ranges.max())) + 1
-    surfaces = level.surfaces(pose, reach + extra, settings.patches)
-    if len(surfaces) < FEWEST_PATCHES:
-        raise not_matched(
-            f"only {len(surfaces)} patches of the frame show a lit surface that the base map covers (needed "
-            f"{FEWEST_PATCHES})."
-        )
-    response = responses(pose, camera, target, anchor, surfaces.centre_px)
-    response = np.where(np.isfinite(response), response, np.nanmedian(response, axis=0))
-    consensus = agreed(surfaces, response, rolls, ranges, reach, search)
-    return Search(moved(pose, camera, anchor, consensus.step), n, consensus, len(surfaces))
-
-
-def refuse_chance(found: Search, settings: CloseUpSettings) -> None:
-    """Raise FailedError where chance may well have given the match."""
-    if found.consensus.false_alarm > settings.no_match:
-        raise not_matched(
-            f"nowhere within {settings.reach_px:g} px of the predicted place do image and base map agree better than "
-            f"by chance (best of {found.patches} patches: probability {found.consensus.false_alarm:.1g}, needed "
-            f"{settings.no_match:g})."
-        )
-
-
-def not_matched(fault: str) -> FailedError:
-    """The failure of a close-up that is found nowhere on the map."""
-    return FailedError(Reason.CLOSE_UP_NOT_MATCHED, fault, REMEDY)
-
-
 def corrected(
     pose: Pose,
     scene: Scene,
@@ -194,11 +103,10 @@ def corrected(
     level: Level,
 ) -> Correction:
     """The correction, with its covariance and what confirms it."""
-    to_frame = np.array([level.n, level.n, 1.0, 1.0])
+    to_frame = np.array([level.n, level.n, *(SIZE - 2) * [1.0]])
     covariance = best.solution.covariance * np.outer(to_frame, to_frame)
-    errors = errors_of(
-        best.pose, scene, covariance, settings.map_error_px * map_px, prior.attitude_deg, scene.map_frame_deg
-    )
+    open_deg = prior.attitude_deg if best.limb is None else 0.0
+    errors = errors_of(best.pose, scene, covariance, settings.map_error_px * map_px, open_deg)
     figures = patch_figures(scene, settings, map_px, found, best, level, errors)
     sigma = np.sqrt(np.diag(errors.covariance))
     step = difference(State(best.pose, 1.0), State(pose, 1.0), scene.camera)
@@ -218,7 +126,7 @@ def corrected(
         "reduction": level.n,
         FORMAL: {"offset_px": [errors.place_px, errors.place_px]},
     }
-    doubt = doubt_of(figures, settings, best, found, scene, level)
+    doubt = doubt_of(figures, settings, best, found, scene)
     if doubt:
         evidence["doubt"] = doubt
     sure = figures["false_alarm"] <= settings.false_alarm
@@ -226,70 +134,8 @@ def corrected(
         "verdict": "matched" if sure else "undetermined",
         "correlation": None,
         "sigmas": figures["sigmas"],
-        "kept": "a close-up cannot tell a turn of the body from one of the camera",
+        "kept": AMBIGUOUS if best.limb is None else None,
     }
-    changed = {"offset_px": step[:2].tolist(), "range_factor": range_factor, "roll_deg": float(step[3])}
-    return Correction("closeup", best.pose, changed | {"attitude_deg": None}, stated, evidence, converged=best.settled)
-
-
-def patch_figures(
-    scene: Scene,
-    settings: CloseUpSettings,
-    map_px: float,
-    found: Search,
-    best: Refined,
-    level: Level,
-    errors: Errors,
-) -> dict[str, Any]:
-    """What confirms the pose, as results state it: see docs/method/closeup.md."""
-    left_map_px = np.hypot(*best.solution.left_px.T) * level.n / map_px
-    agree = left_map_px < 1.0
-    rms = float(np.sqrt(np.mean(left_map_px[agree] ** 2))) if agree.any() else None
-    return {
-        "tried": best.tried,
-        "agreeing": int(np.count_nonzero(agree)),
-        "rms_px": None if rms is None else rms * map_px,
-        "rms_map_px": rms,
-        "map_pixel_km": map_pixel_km(scene),
-        "map_pixel_px": map_px,
-        "sigma_map_px": float(np.hypot(errors.place_px / map_px, settings.map_error_px)),
-        "matched_to_map_px": errors.place_px / map_px,
-        "sigmas": found.consensus.height,
-        "next_best_sigmas": found.consensus.rival,
-        "false_alarm": found.consensus.false_alarm,
-        "xy_px": (best.xy_px * level.n + (level.n - 1) / 2).round(1).tolist(),
-        "left_px": (best.solution.left_px * level.n).round(2).tolist(),
-    }
-
-
-def doubt_of(
-    figures: dict[str, Any], settings: CloseUpSettings, best: Refined, found: Search, scene: Scene, level: Level
-) -> str | None:
-    """Why a match is doubtful, as `code: fault. Remedy.`"""
-    xy = level.on_body(best.pose)
-    if figures["false_alarm"] > settings.false_alarm:
-        fault = (
-            f"chance gives as good a match with a probability of {figures['false_alarm']:.1g} (sure to "
-            f"{settings.false_alarm:g})"
-        )
-    elif figures["matched_to_map_px"] > settings.max_sigma_map_px:
-        fault = (
-            f"the patches leave the place open by {figures['matched_to_map_px']:.1f} pixels of the base map, 1-sigma "
-            f"(sure to {settings.max_sigma_map_px:g})"
-        )
-    elif not best.settled:
-        fault = f"the fit to the patches did not come to rest (last move {best.moves_px[-1]:.2f} px)"
-    elif drift_px(found, best, scene, xy * level.n) > SAME_PLACE_PX * found.n:
-        fault = "the single patches lead elsewhere than all together"
-    else:
-        return None
-    return f"{Reason.CLOSE_UP_UNSURE}: {fault}. Compare the overlay with the image, or give a finer base map (--map)."
-
-
-def drift_px(found: Search, best: Refined, scene: Scene, xy_px: Array) -> float:
-    """How far the refinement moved what the frame shows, RMS over pixels (n, 2)."""
-    from tasks.project.points import body_points, pixels_of_points
-
-    points = body_points(best.pose, scene.camera, scene.target, xy_px)
-    off = pixels_of_points(found.pose, scene.camera, points) - xy_px
-    return float(np.sqrt(np.nanmean(np.sum(off**2, axis=-1))))
+    changed: dict[str, Any] = {"offset_px": step[:2].tolist(), "range_factor": range_factor, "roll_deg": float(step[3])}
+    changed["attitude_deg"] = None if best.limb is None else step[ATTITUDE].tolist()
+    return Correction("closeup", best.pose, changed, stated, evidence, converged=best.settled)

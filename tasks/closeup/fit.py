@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.robust import huber_weight
+from tasks.closeup.limb import LimbArc
 from tasks.closeup.patches import Surfaces
 
 Array = NDArray[np.float64]
@@ -17,6 +18,7 @@ HUBER = 2.0
 ROUNDS = 30
 LEAST_CURVATURE = 1e-3
 HELD = 1e-9
+SUREST = 0.99
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,8 @@ def peaks_of(surfaces: Surfaces) -> Peaks:
         place = np.array([x, y]) + np.clip(inverse @ slope, -1, 1) - surfaces.reach_px
         index.append(i)
         moved.append(-place)
-        covariances.append((1 - height**2) / height * inverse)
+        surest = min(height, SUREST)  # a perfect match of a small patch is no perfect measurement
+        covariances.append((1 - surest**2) / surest * inverse)
     n = len(index)
     return Peaks(
         np.array(index, np.int64), np.array(moved).reshape(n, 2), np.array(covariances, np.float64).reshape(n, 2, 2)
@@ -57,7 +60,7 @@ def peaks_of(surfaces: Surfaces) -> Peaks:
 
 @dataclass(frozen=True)
 class Solution:
-    """step: (4,), see `closeup.motion`. covariance: (4, 4). left_px: (n, 2) residuals. scale: factor
+    """step: (7,), see `closeup.motion`. covariance: (7, 7). left_px: (n, 2) residuals. scale: factor
     of the peaks' covariances that makes the residuals as large as they should be."""
 
     step: Array
@@ -66,23 +69,35 @@ class Solution:
     scale: float
 
 
-def solved(response: Array, moved_px: Array, covariance: Array, prior_off: Array, prior_sigma: Array) -> Solution:
+def solved(
+    response: Array,
+    moved_px: Array,
+    covariance: Array,
+    map_error_px: float,
+    prior_off: Array,
+    prior_sigma: Array,
+    limb: LimbArc | None,
+) -> Solution:
     """Robust weighted least squares (Huber's weights on each patch's Mahalanobis distance).
 
-    response: (n, 2, 4); moved_px: (n, 2); covariance: (n, 2, 2), up to a factor that the residuals give. prior_off:
-    (4,) by how far the unknowns are already from their prior's middle; prior_sigma: (4,), inf where free, 0 where held.
+    response: (n, 2, 7); moved_px: (n, 2); covariance: (n, 2, 2), up to a factor that the residuals give.
+    map_error_px: 1-sigma along each axis of the map's place under a patch, which no factor changes. prior_off:
+    (7,) by how far the unknowns are already from their prior's middle; prior_sigma: (7,), inf where free, 0 where held.
+    limb: what an arc of it says, None without.
     """
-    information = np.linalg.inv(covariance)
+    peaks, misplaced = np.linalg.inv(covariance), map_error_px**2 * np.eye(2)
     prior = np.diag(np.maximum(prior_sigma, HELD) ** -2.0)
-    step, scale = np.zeros(4), 1.0
+    by_limb = np.zeros_like(prior) if limb is None else limb.information
+    limb_right = 0.0 if limb is None else limb.right
+    step, scale = np.zeros(len(prior)), 1.0
     for _ in range(ROUNDS):
         left = moved_px - response @ step
-        distance = np.sqrt(np.einsum("ni,nij,nj->n", left, information, left))
         # The median of a Rayleigh distribution is 1.177 of its sigma.
-        scale = max(float(np.median(distance) / 1.1774) ** 2, 1e-6)
-        weight = huber_weight(distance, HUBER * np.sqrt(scale)) / scale
-        normal = np.einsum("n,nik,nij,njl->kl", weight, response, information, response) + prior
-        right = np.einsum("n,nik,nij,nj->k", weight, response, information, moved_px) - prior @ prior_off
+        scale = max(float(np.median(np.einsum("ni,nij,nj->n", left, peaks, left))) / 1.1774**2, 1e-6)
+        information = np.linalg.inv(scale * covariance + misplaced)
+        weight = huber_weight(np.sqrt(np.einsum("ni,nij,nj->n", left, information, left)), HUBER)
+        normal = np.einsum("n,nik,nij,njl->kl", weight, response, information, response) + prior + by_limb
+        right = np.einsum("n,nik,nij,nj->k", weight, response, information, moved_px) - prior @ prior_off + limb_right
         step = np.linalg.solve(normal, right)
     left = moved_px - response @ step
     return Solution(step, np.linalg.inv(normal), left, scale)

@@ -20,17 +20,19 @@ SAMPLES = 9
 
 @dataclass(frozen=True)
 class Level:
-    """n: so many pixels of the frame, along each side, are one here. scene: with the camera of these pixels. texture:
-    the image's."""
+    """n: so many pixels of the frame, along each side, are one here. scene: with the camera of these pixels.
+    observation, texture: of the image there."""
 
     n: int
     scene: Scene
+    observation: Observation
     texture: Texture
 
     @classmethod
     def of(cls, observation: Observation, scene: Scene, n: int) -> "Level":
         """Of an image at n x n pixels."""
-        return cls(n, reduced_scene(scene, n), image_texture(reduced_observation(observation, n)))
+        seen = reduced_observation(observation, n)
+        return cls(n, reduced_scene(scene, n), seen, image_texture(seen))
 
     def surfaces(self, pose: Pose, reach_px: int, across: int) -> Surfaces:
         """Correlations of the image's patches with the map as `pose` shows it, to reach_px around."""
@@ -38,14 +40,15 @@ class Level:
         window = Window(-reach_px, -reach_px, nx + reach_px, ny + reach_px)
         return correlated(self.texture, map_texture(self.scene, pose, window), reach_px, across)
 
-    def on_body(self, pose: Pose) -> Array:
-        """Those of `samples` that see the body, middle one first."""
-        xy = samples(self.scene)
-        seen = xy[np.isfinite(body_points(pose, self.scene.camera, self.scene.target, xy)[:, 0])]
-        if len(seen) == 0:
-            return seen
-        middle = np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))
-        return np.concatenate([seen[middle : middle + 1], np.delete(seen, middle, axis=0)])
+
+def on_body(pose: Pose, scene: Scene) -> Array:
+    """Those of `samples` (n, 2) that see the body, the middle one first."""
+    xy = samples(scene)
+    seen = xy[np.isfinite(body_points(pose, scene.camera, scene.target, xy)[:, 0])]
+    if len(seen) == 0:
+        return seen
+    middle = np.argmin(np.linalg.norm(seen - seen.mean(axis=0), axis=1))
+    return np.concatenate([seen[middle : middle + 1], np.delete(seen, middle, axis=0)])
 
 
 def samples(scene: Scene) -> Array:

@@ -1,4 +1,5 @@
-"""How a pose moves what the frame shows: pointing and roll of the camera about the frame's middle, and range."""
+"""How a pose moves what the frame shows: pointing and roll of the camera about the frame's middle, range, and the
+body's orientation."""
 
 from dataclasses import dataclass
 
@@ -15,9 +16,11 @@ from tasks.project.points import body_points, pixels_of_points
 Array = NDArray[np.float64]
 
 # Displacement x, y of what the frame shows in its middle, px; roll about the boresight, degrees, from +x towards +y;
-# logarithm of the range factor, by which the surface in the middle does not move.
-X, Y, ROLL, RANGE = range(4)
-DIFFERENCE = np.array([0.5, 0.5, 0.01, 1e-4])
+# logarithm of the range factor, by which the surface in the middle does not move; turn of the body about its axes,
+# degrees.
+X, Y, ROLL, RANGE, ATTITUDE = 0, 1, 2, 3, slice(4, 7)
+SIZE = 7
+DIFFERENCE = np.array([0.5, 0.5, 0.01, 1e-4, 0.01, 0.01, 0.01])
 
 
 @dataclass(frozen=True)
@@ -28,13 +31,12 @@ class Anchor:
 
     @classmethod
     def at(cls, pose: Pose, camera: Camera, target: Target, xy_px: Array) -> "Anchor":
-        """The one that `pose` has at the first of the pixels (n, 2) that see the body."""
-        points = body_points(pose, camera, target, xy_px)
-        return cls(points[np.isfinite(points[:, 0])][0])
+        """The one that `pose` has at the first of the pixels (n, 2), which sees the body."""
+        return cls(body_points(pose, camera, target, xy_px[0]))
 
 
 def moved(pose: Pose, camera: Camera, anchor: Anchor, step: Array) -> Pose:
-    """The pose after a step (4,): see X, Y, ROLL, RANGE."""
+    """The pose after a step (7,): see X, Y, ROLL, RANGE, ATTITUDE."""
     before = pixels_of_points(pose, camera, anchor.point_km)
     farther = pose.with_range_factor(float(np.exp(step[RANGE])))
     after = pixels_of_points(farther, camera, anchor.point_km)
@@ -42,17 +44,25 @@ def moved(pose: Pose, camera: Camera, anchor: Anchor, step: Array) -> Pose:
     turn = smallest_turn(camera.ray(after), camera.ray(before))
     turn = smallest_turn(camera.ray(middle), camera.ray(middle + step[[X, Y]])) @ turn
     turn = rotation_from_vector_deg([0.0, 0.0, step[ROLL]]) @ turn
-    return farther.replaced(camera_from_j2000=turn @ pose.camera_from_j2000)
+    return farther.replaced(
+        camera_from_j2000=turn @ pose.camera_from_j2000,
+        body_from_j2000=rotation_from_vector_deg(step[ATTITUDE]).T @ pose.body_from_j2000,
+    )
+
+
+def small_moves(pose: Pose, camera: Camera, anchor: Anchor) -> list[tuple[Pose, Pose, float]]:
+    """For each unknown the poses a little ahead and back, and by how much they differ in it."""
+    return [
+        (moved(pose, camera, anchor, step), moved(pose, camera, anchor, -step), 2 * float(size))
+        for step, size in zip(np.diag(DIFFERENCE), DIFFERENCE, strict=True)
+    ]
 
 
 def responses(pose: Pose, camera: Camera, target: Target, anchor: Anchor, xy_px: Array) -> Array:
-    """By how much what the pixels xy_px (n, 2) show moves, px per unit of a step: (n, 2, 4); NaN off the body."""
+    """By how much what the pixels xy_px (n, 2) show moves, px per unit of a step: (n, 2, 7); NaN off the body."""
     points = body_points(pose, camera, target, xy_px)
-    columns = []
-    for unknown, difference in enumerate(DIFFERENCE):
-        step = np.zeros(4)
-        step[unknown] = difference
-        there = pixels_of_points(moved(pose, camera, anchor, step), camera, points)
-        back = pixels_of_points(moved(pose, camera, anchor, -step), camera, points)
-        columns.append((there - back) / (2 * difference))
+    columns = [
+        (pixels_of_points(ahead, camera, points) - pixels_of_points(back, camera, points)) / apart
+        for ahead, back, apart in small_moves(pose, camera, anchor)
+    ]
     return np.stack(columns, axis=-1)

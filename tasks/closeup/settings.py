@@ -15,7 +15,9 @@ class CloseUpSettings(BaseModel):
     what is seen. false_alarm: largest probability that chance gives as good a match in all that was searched;
     above it the result is doubtful, above no_match nothing is found. max_sigma_map_px: a solution whose patches know
     the place less well, 1-sigma, map pixels, is doubtful. map_error_px: what a base map's own errors of place add,
-    1-sigma along each axis, map pixels (two maps of Europa differ by half a pixel). hold: roll, range or attitude that
+    1-sigma along each axis, map pixels (tiles of two maps of
+    Europa, 2048 pixels around, differ by 0.28 in the median and 1.0 in the worst tenth, of Io by 0.12 and 0.21, beside
+    what their frames differ by). hold: roll, range or attitude that
     stay as they are."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -31,5 +33,5 @@ class CloseUpSettings(BaseModel):
     false_alarm: float = Field(1e-4, gt=0, lt=1)
     no_match: float = Field(1e-2, gt=0, lt=1)
     max_sigma_map_px: float = Field(0.5, gt=0)
-    map_error_px: float = Field(0.25, ge=0)
+    map_error_px: float = Field(0.35, ge=0)
     hold: tuple[Group, ...] = ()

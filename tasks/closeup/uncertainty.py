@@ -6,18 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.pose import Pose
-from catalog.rotation import rotation_from_vector_deg
-from tasks.closeup.level import Level
-from tasks.closeup.motion import DIFFERENCE, Anchor, moved, responses
+from tasks.closeup.level import on_body
+from tasks.closeup.motion import ATTITUDE, SIZE, Anchor, responses, small_moves
 from tasks.joint.parameters import State, difference
-from tasks.project.points import body_points, pixels_of_points
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]
 
 # As `tasks.joint.parameters` names and measures them.
 UNKNOWNS = ("x", "y", "range", "roll", "attitude_x", "attitude_y", "attitude_z")
-ATTITUDE_STEP_DEG = 0.01
 
 
 @dataclass(frozen=True)
@@ -29,52 +26,31 @@ class Errors:
     place_px: float
 
 
-def errors_of(
-    pose: Pose, scene: Scene, covariance: Array, map_error_px: float, attitude_deg: float, map_frame_deg: float
-) -> Errors:
-    """Of a motion whose covariance (4, 4) the patches give, px of the frame and see `closeup.motion`.
+def errors_of(pose: Pose, scene: Scene, covariance: Array, map_error_px: float, attitude_deg: float) -> Errors:
+    """Of a motion whose covariance (7, 7) patches and limb give, px of the frame and see `closeup.motion`.
 
     map_error_px: 1-sigma along each axis of the map's own places, px. attitude_deg: of the body's orientation about
-    each axis. A turn of the body and a turn of the camera that undoes it in the frame cannot be told apart, so that
-    their errors go together: what a pixel sees stays as well known as the map.
+    each axis where no limb tells it from the camera's: 0 where one does. A turn of the body and a turn of the camera
+    that undoes it in the frame go together then, so that what a pixel sees stays as well known as the map. The map's
+    errors move the camera, or the body where the limb holds the camera.
     """
-    camera, target = scene.camera, scene.target
-    xy = Level.on_body(Level(1, scene, None), pose)  # type: ignore[arg-type]
-    anchor = Anchor.at(pose, camera, target, xy)
-    response = responses(pose, camera, target, anchor, xy)
+    camera = scene.camera
+    xy = on_body(pose, scene)
+    anchor = Anchor.at(pose, camera, scene.target, xy)
+    response = responses(pose, camera, scene.target, anchor, xy)
     of_place = np.einsum("nik,kl,njl->nij", response, covariance, response).mean(axis=0)
-    with_map = covariance + np.diag([map_error_px**2, map_error_px**2, 0.0, 0.0])
-    stated = np.column_stack([_stated(pose, scene, anchor, step) for step in np.diag(DIFFERENCE)]) / DIFFERENCE
-    turned = _by_attitude(pose, scene, xy)
-    undone = -np.linalg.lstsq(response.reshape(-1, 4), turned.reshape(-1, 3), rcond=None)[0]
-    together = np.vstack([stated @ undone, np.eye(3)])
-    full = np.zeros((7, 7))
-    full[:4, :4] = stated @ with_map @ stated.T
-    full[4:, 4:] = map_frame_deg**2 * np.eye(3)
-    full += attitude_deg**2 * together @ together.T
+    camera_part = response[:, :, : ATTITUDE.start].reshape(-1, ATTITUDE.start)
+    body_part = response[:, :, ATTITUDE].reshape(-1, 3)
+    undone = np.vstack([-np.linalg.lstsq(camera_part, body_part, rcond=None)[0], np.eye(3)])
+    full = covariance + attitude_deg**2 * undone @ undone.T
+    if attitude_deg > 0:
+        full[:2, :2] += map_error_px**2 * np.eye(2)
+    else:
+        per_px = np.linalg.norm(body_part) / np.sqrt(len(body_part) * 1.5)
+        full[ATTITUDE, ATTITUDE] += (map_error_px / max(per_px, 1e-9)) ** 2 * np.eye(3)
+    stated = np.empty((SIZE, SIZE))
+    for unknown, (ahead, back, apart) in enumerate(small_moves(pose, camera, anchor)):
+        stated[:, unknown] = difference(State(ahead, 1.0), State(back, 1.0), camera)[:SIZE] / apart
+    full = stated @ full @ stated.T
+    full[4:, 4:] += scene.map_frame_deg**2 * np.eye(3)
     return Errors((full + full.T) / 2, float(np.sqrt(np.linalg.eigvalsh(of_place)[-1])))
-
-
-def _stated(pose: Pose, scene: Scene, anchor: Anchor, step: Array) -> Array:
-    """What a small step (4,) of the motion is in the first four of UNKNOWNS."""
-    ahead, back = (State(moved(pose, scene.camera, anchor, sign * step), 1.0) for sign in (1, -1))
-    return np.asarray(difference(ahead, back, scene.camera)[:4] / 2)
-
-
-def _by_attitude(pose: Pose, scene: Scene, xy_px: Array) -> Array:
-    """By how much what the pixels (n, 2) show moves per degree of a turn of the body about each axis (n, 2, 3)."""
-    points = body_points(pose, scene.camera, scene.target, xy_px)
-    columns = []
-    for axis in np.eye(3):
-        there, back = (
-            pixels_of_points(
-                pose.replaced(
-                    body_from_j2000=rotation_from_vector_deg(sign * ATTITUDE_STEP_DEG * axis).T @ pose.body_from_j2000
-                ),
-                scene.camera,
-                points,
-            )
-            for sign in (1, -1)
-        )
-        columns.append((there - back) / (2 * ATTITUDE_STEP_DEG))
-    return np.stack(columns, axis=-1)

@@ -10,6 +10,8 @@ from tasks.compare.match import Match
 
 HUBER = 3.0
 SIGMA_SAMPLES = 20_000
+# Norm of a column by the largest one, below which nothing of it is left in single precision.
+VANISHING = 1e-10
 
 
 def brightness_columns(bases: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -50,7 +52,9 @@ def robust_least_squares(
     solution = np.zeros(n)
     for _ in range(rounds):
         normal, right, chi_square = accumulate(design, values, base, solution, limit)
-        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        square = np.diag(normal)
+        # A column that vanishes beside the others, in single precision, tells nothing: its unknown is 0, not 1e30.
+        scale = np.where(square > VANISHING**2 * square.max(), np.sqrt(np.maximum(square, 1e-300)), np.inf)
         inverse = np.linalg.pinv(normal / np.outer(scale, scale), rcond=1e-12, hermitian=True)
         inverse /= np.outer(scale, scale)
         solution = inverse @ right

@@ -18,6 +18,8 @@ from tasks.validate.blocks import blocks_of
 
 FLIPS = ("mirrored", "rolled")
 SPREAD = ("blurred", "smeared")
+# Side of the blocks of JPEG: they move a limb by half of it at most.
+BLOCK_PX = 8
 
 
 def cause_of(
@@ -26,6 +28,9 @@ def cause_of(
     """The explanation that fits; where none does, what spreads the light, or covers the target or its limb; None where
     nothing is certain."""
     diagnosis = diagnosis_of(all_tried, predicted, scene, settings)
+    if diagnosis is not None and diagnosis.code == Reason.DISK_SIZE and diagnosis.explanation is not None:
+        off_px = abs(diagnosis.explanation.size - 1) * disk_radius_px(predicted, scene.camera, scene.target)
+        return (compressed(observation, settings) if off_px < BLOCK_PX / 2 else None) or diagnosis
     if diagnosis is not None:
         return diagnosis
     first = predicted_one(all_tried)
@@ -129,7 +134,7 @@ def compressed(observation: Observation, settings: DiagnoseSettings) -> Diagnosi
     return Diagnosis(
         Reason.COMPRESSION_BLOCKS,
         f"the picture shows the blocks of a strong compression (steps {blocks:.1f} times as large at their edges as "
-        "elsewhere), and nothing else explains it.",
+        "elsewhere), and nothing else explains it as well.",
         "Take a version with less compression.",
         None,
     )

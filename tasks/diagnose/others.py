@@ -41,7 +41,7 @@ def without_others(observation: Observation, pose: Pose, scene: Scene) -> Others
     import cv2
 
     usable = observation.usable
-    if not usable.any():
+    if not usable.any() or pose.bodies:  # those that are known are left out already
         return None
     radius = disk_radius_px(pose, scene.camera, scene.target)
     low, high = (float(v) for v in np.percentile(observation.image[usable], [1, 99.8]))

@@ -6,12 +6,15 @@ import numpy as np
 
 from catalog.observation import Observation
 from catalog.pose import Pose
+from tasks.bodies.masks import alone
 from tasks.diagnose import DiagnoseSettings, Explanation, tried
 from tasks.diagnose.choice import cause_of
 from tasks.diagnose.diagnosis import MAP, OTHER, STRAY, Diagnosis
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.plain import plain
+from tasks.point.loop import PointSettings
 from tasks.point.rotation import pose_pointed_at
+from tasks.point.with_others import find_with_others
 from tasks.publish.overlay import draw_overlay
 from tasks.scene_inputs import SceneFiles, SceneInputs, scene_of
 from tasks.simulate import Scene
@@ -100,6 +103,9 @@ def examined(
     """What was tried, with the predicted target brought into the frame, and what of it explains the image."""
     centre = (np.array(scene.camera.size_px) - 1) / 2
     inside = pose_pointed_at(predicted, scene.camera, centre)
+    if predicted.bodies:
+        place = find_with_others(observation, predicted, scene, PointSettings().min_overlap)
+        observation = observation if place is None else alone(observation, place.pose, scene, place.step_px)
     observation = with_plate_flagged(observation)
     seen = tried(observation, inside, scene, settings, progress)
     return seen.found, cause_of(seen, observation, inside, scene, settings)

@@ -62,12 +62,8 @@ def find_with_others(observation: Observation, pose: Pose, scene: Scene, min_ove
 
 def refined(observation: Observation, found: CoarseFind, scene: Scene, min_overlap: float) -> CoarseFind:
     """The find, with the target looked for where all else is masked; not where it stands before another body."""
-    bodies = bodies_of(found.pose, scene.target)
-    own = next(body for body in bodies if body.place is None)
-    disk = disk_of(own, scene.camera)
-    for body in bodies:
-        if body is not own and body.pose.range_km > own.pose.range_km and (disk_of(body, scene.camera) & disk).any():
-            return found
+    if is_before_another(found.pose, scene):
+        return found
     left = alone(observation, found.pose, scene, OFF_CELLS * found.step_px)
     if not left.usable.any():
         return found
@@ -75,6 +71,15 @@ def refined(observation: Observation, found: CoarseFind, scene: Scene, min_overl
     before, after = (scene.camera.project(p.target_in_camera_km) for p in (found.pose, again.pose))
     near = np.hypot(*(after - before)) <= OFF_CELLS * (found.step_px + again.step_px)
     return CoarseFind(again.pose, max(again.score, found.score), again.step_px) if near else found
+
+
+def is_before_another(pose: Pose, scene: Scene) -> bool:
+    """Whether the target's disk lies before another body's, wholly or in part."""
+    bodies = bodies_of(pose, scene.target)
+    own = next(body for body in bodies if body.place is None)
+    disk = disk_of(own, scene.camera)
+    farther = [body for body in bodies if body is not own and body.pose.range_km > own.pose.range_km]
+    return any(in_frame(body, scene.camera) and (disk_of(body, scene.camera) & disk).any() for body in farther)
 
 
 def without_saturation(observation: Observation) -> Observation:

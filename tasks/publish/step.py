@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
+from catalog.camera import Camera
 from catalog.observation import Observation
+from catalog.pose import Pose
 from tasks.correcting import CorrectionResult
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.ingest.pose_step import PredictedPose
@@ -19,6 +21,7 @@ from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.scene_inputs import SceneInputs
+from tasks.separations.measure import separations
 from tasks.stars.separate import TOGETHER, separation
 from tasks.stars.step import StarsResult
 from tasks.step import Step, StepType
@@ -117,7 +120,7 @@ def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult
         pose_before=inputs.predicted,
         pose_after=inputs.pose,
         uncertainty=stated_uncertainty(stated),
-        result={**files.result, **corrected, **stated_of(found.validate)},
+        result={**files.result, **corrected, **stated_of(found.validate, corrected, camera, inputs.pose)},
         settings=dict(inputs.profile),
         provenance=provenance(inputs, found),
     )
@@ -170,11 +173,12 @@ def with_distortion(publication: Publication, folder: Path, undistort: Undistort
     )
 
 
-def stated_of(report: ValidateResult) -> Json:
-    """What a result states of the step `validate`'s findings."""
+def stated_of(report: ValidateResult, correction: Json, camera: Camera, pose: Pose) -> Json:
+    """What a result states of the step `validate`'s findings. correction: see `summary`."""
     limb, orientation = report.limb, report.orientation
     return {
         "orientation": {"markings": orientation.verdict, "sigmas": orientation.sigmas, "kept": orientation.kept},
+        "bodies": separations(report.bodies, correction, camera, pose.range_km),
         "limb_rms_px": limb.rms_px,
         "limb_points": limb.points,
         "limb_robust_px": limb.robust_px,

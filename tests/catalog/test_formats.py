@@ -18,6 +18,7 @@ from PIL import Image
 from catalog.camera import find_camera
 from catalog.errors import RefusedError
 from catalog.image_mode import ImageMode
+from catalog.lists.scan import looks_like_an_image
 from catalog.observation import Quality
 from catalog.readers import read_frame
 from catalog.readers.pds3_array import special_value
@@ -181,6 +182,16 @@ def test_members_that_begin_at_the_end_of_a_chunk(
     (tmp_path / "b.npy.packed").write_bytes(first + pack(content[1000:]))
     monkeypatch.setattr("catalog.packed.CHUNK_BYTES", len(first) + chunk)
     same(tmp_path / "b.npy.packed", PICTURE.astype("i2"))
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress])
+def test_a_folder_is_searched_for_packed_images_too(pack: Callable[[bytes], bytes], tmp_path: Path) -> None:
+    np.save(tmp_path / "a.npy", PICTURE.astype("i2"))
+    content = (tmp_path / "a.npy").read_bytes()
+    packed = {"a.packed": pack(content), "notes.packed": pack(b"a text"), "cut.packed": pack(content)[:8]}
+    for name, part in packed.items():
+        (tmp_path / name).write_bytes(part)
+    assert [name for name in sorted(packed) if looks_like_an_image(tmp_path / name)] == ["a.packed"]
 
 
 KEYWORDS = """Object = NaifKeywords

@@ -105,6 +105,16 @@ def test_of_several_pages_the_named_one_is_read(kind: str, big: bool, tmp_path: 
         read_frame(tmp_path / "a.tif", plane="4")
 
 
+@pytest.mark.parametrize("place", [2**63, 2**64 - 1, 10**12])
+def test_a_directory_that_lies_beyond_all_files_is_damage(place: int, tmp_path: Path) -> None:
+    tifffile.imwrite(tmp_path / "a.tif", full_range("u2"), bigtiff=True, byteorder="<")
+    content = bytearray((tmp_path / "a.tif").read_bytes())
+    content[8:16] = place.to_bytes(8, "little")
+    (tmp_path / "a.tif").write_bytes(content)
+    with pytest.raises(RefusedError, match=r"a\.tif"):
+        read_frame(tmp_path / "a.tif")
+
+
 def test_bands_of_several_pages_are_planes(tmp_path: Path) -> None:
     pages = [RNG.integers(0, 200, (2, 20, 30)).astype("u1") for _ in range(2)]
     with tifffile.TiffWriter(tmp_path / "a.tif") as file:

@@ -9,30 +9,32 @@ import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
 from flows import options as models
+from flows import star_options as star_models
 from flows.cli import build_app
 from flows.image_options import Options
 
 COMMANDS = (
-    *(
-        "correct",
-        "reprocess",
-        "fetch",
-        "export",
-        "report",
-        "kernels",
-        "photometry",
-        "mosaic",
-        "adjust",
-        "check",
-        "stars",
-    ),
+    "correct",
+    "reprocess",
+    "fetch",
+    "export",
+    "report",
+    "kernels",
+    "photometry",
+    "mosaic",
+    "control",
+    "adjust",
+    "check",
+    "stars",
+    "astrometry",
 )
 OF_THE_TERMINAL = {"json", "log_json", "quiet", "server", "dry_run", "help"}
 DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml").read_text())["deployments"]
 
 
 def model_of(command: str) -> type[Options]:
-    found: type[Options] = getattr(models, f"{command.capitalize()}Options")
+    name = f"{command.capitalize()}Options"
+    found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
     return found
 
 
@@ -69,7 +71,10 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
         ("check", {"paths": ["a"], "unknown": 1}),
         ("export", {"paths": ["s3://bucket/prefix"], "format": ["stac"]}),
         ("kernels", {"paths": ["a", "s3://bucket/prefix"]}),
-        *((command, {"store": "s3://bucket/prefix"}) for command in ("report", "photometry", "mosaic", "adjust")),
+        *(
+            (command, {"store": "s3://bucket/prefix"})
+            for command in ("report", "photometry", "mosaic", "control", "adjust")
+        ),
     ],
 )
 def test_a_flow_takes_what_the_model_takes(command: str, given: dict[str, Any]) -> None:

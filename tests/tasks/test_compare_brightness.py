@@ -94,3 +94,17 @@ def test_a_few_cosmic_rays_do_not_decide_the_correlation() -> None:
     everywhere = np.ones(a.shape, bool)
     assert correlation(hit, b, everywhere) > 0.95
     assert np.corrcoef(hit.ravel(), b.ravel())[0, 1] < 0.1
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-30, 1e-20, 1e-12])
+def test_a_column_that_vanishes_tells_nothing(size: float) -> None:
+    """The best weight of a basis that is 1e-30 on usable pixels may be 1e30, and overflow elsewhere."""
+    rng = np.random.default_rng(7)
+    seen = rng.random((20, 20)).astype(np.float32)
+    faint = (size * rng.random((20, 20))).astype(np.float32)
+    image = 3 * seen + 2 + rng.normal(0, 0.01, seen.shape).astype(np.float32)
+    columns = np.stack([seen, faint, np.ones_like(seen)])
+    solution, covariance, _ = robust_least_squares(columns, image, np.ones_like(seen))
+    assert solution[[0, 2]] == pytest.approx([3, 2], abs=0.01)
+    assert solution[1] == 0
+    assert np.isfinite(covariance).all()

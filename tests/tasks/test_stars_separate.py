@@ -1,20 +1,34 @@
 """The camera's error and the target's, apart: each pixel sees what it saw, covariances are those of chance, plain SPICE
 says the same, and planted offsets come back."""
 
+import csv
+import json
+import shutil
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import ades
 import numpy as np
 import pytest
 import spiceypy
+from astropy.table import Table
+from lxml import etree
 
 import planetpose
 from catalog.camera import Camera, find_camera
+from catalog.celestial import orientation_of_twist
+from catalog.errors import RefusedError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.spice import kernel_pool
+from catalog.stars.table import ra_dec_deg
 from catalog.target import find_target
-from lab.stars.separation import write_separation_scene
-from tasks.kernels.exposure import Exposure
+from lab.stars.separation import Planted, write_separation_scene
+from tasks.astrometry.ades import perm_id
+from tasks.astrometry.observation import ARCSEC
+from tasks.astrometry.store import write_astrometry
+from tasks.kernels.exposure import Exposure, without_aberration
 from tasks.kernels.write import write_kernel_set
 from tasks.point.rotation import pose_moved_by
 from tasks.priors import PriorSettings
@@ -115,20 +129,84 @@ def test_plain_spice_has_the_camera_and_the_target_as_the_stars_have_them(tmp_pa
     assert np.asarray(seen) - predicted.target_from_spacecraft_km == pytest.approx([20.0, -30.0, 10.0], abs=0.3)
 
 
-def test_planted_offsets_of_camera_and_target_come_back_apart(tmp_path: Path) -> None:
-    planted = write_separation_scene(tmp_path, seed=3)
+@dataclass(frozen=True)
+class AmongStars:
+    """A planted scene, its result and the store that it was published in."""
+
+    planted: Planted
+    result: dict[str, Any]
+    store: Path
+
+
+@pytest.fixture(scope="module")
+def among_stars(tmp_path_factory: pytest.TempPathFactory) -> AmongStars:
+    folder = tmp_path_factory.mktemp("among-stars")
+    planted = write_separation_scene(folder, seed=3)
     files = planted.files
     result = planetpose.correct(
-        files["image"], tmp_path / "out", camera=files["camera"], target="europa", pose_file=files["pose"],
-        kernels=[], stars=files["catalog"], cache=tmp_path / "cache",
+        files["image"], folder / "out", camera=files["camera"], target="europa", pose_file=files["pose"],
+        kernels=[], stars=files["catalog"], cache=folder / "cache",
     )  # fmt: skip
+    return AmongStars(planted, dict(result), folder / "out")
+
+
+def test_planted_offsets_of_camera_and_target_come_back_apart(among_stars: AmongStars) -> None:
+    planted, result = among_stars.planted, among_stars.result
     found = result["stars"]
     assert result["status"] == "ok", result["reason"]
-    assert found is not None
     assert found["stars"] >= 8
-    turned = np.array(result["pose"]["camera_from_j2000"]) @ planted.pose.camera_from_j2000.T  # type: ignore[index]
+    turned = np.array(result["pose"]["camera_from_j2000"]) @ planted.pose.camera_from_j2000.T
     focal_px = planted.camera.focal_length_px
     assert np.radians(np.hypot(*vector_deg_from_rotation(turned)[:2])) * focal_px < 0.1
     error = planted.pose.camera_from_j2000 @ (np.array(found["target_offset_km"]) - planted.offset_km)
     assert np.hypot(*error[:2]) / planted.pose.range_km * focal_px < 0.1
     assert max(found["target_offset_sigma_px"]) < 0.1
+
+
+def test_the_tables_of_astrometry_hold_the_true_direction_and_are_valid(
+    among_stars: AmongStars, tmp_path: Path
+) -> None:
+    truth = among_stars.planted.pose
+    rows, left_out, paths = write_astrometry(among_stars.store, tmp_path / "out", [])
+    assert (left_out, len(rows)) == ({}, 1)
+    (row,) = rows
+    ra, dec = ra_dec_deg(truth.target_from_spacecraft_km)
+    error = np.array([(row["ra_deg"] - ra) * np.cos(np.radians(dec)), row["dec_deg"] - dec]) * 3600  # type: ignore[operator]
+    sigma = np.array([row["sigma_ra_arcsec"], row["sigma_dec_arcsec"]], dtype=float)
+    assert (np.abs(error) < 4 * sigma).all()
+    assert sigma.max() < 0.1 / among_stars.planted.camera.focal_length_px * ARCSEC
+    assert row["computed_from"] == "product"
+    assert row["oc_sample_px"] == pytest.approx(among_stars.result["stars"]["target_offset_px"][0], abs=1e-6)
+    still = ra_dec_deg(without_aberration(truth.target_from_spacecraft_km, truth.spacecraft_velocity_km_s))
+    assert row["ra_astrometric_deg"] == pytest.approx(float(still[0]), abs=1e-3)
+    turned = orientation_of_twist(row["ra_c_deg"], row["dec_c_deg"], row["twist_deg"])  # type: ignore[arg-type]
+    assert turned == pytest.approx(np.array(among_stars.result["pose"]["camera_from_j2000"]), abs=1e-9)
+    votable = Table.read(tmp_path / "out/astrometry.vot", format="votable")
+    assert votable["ra_deg"][0] == row["ra_deg"]
+    assert str(votable["oc_ra_arcsec"].unit) == "arcsec"
+    with (tmp_path / "out/stars.csv").open() as file:
+        assert len(list(csv.DictReader(file))) == len(among_stars.result["stars"]["matches"])
+    document = etree.parse(str(tmp_path / "out/astrometry.ades.xml"))
+    for name in ("general", "submit"):
+        schema = etree.XMLSchema(etree.parse(str(Path(ades.__file__).parent / f"data/xsd/{name}.xsd")))
+        assert schema.validate(document), schema.error_log
+    assert [path.name for path in paths] == ["astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"]
+
+
+def test_images_without_stars_are_left_out_of_astrometry(among_stars: AmongStars, tmp_path: Path) -> None:
+    shutil.copytree(among_stars.store / "stars", tmp_path / "store/plain")
+    path = tmp_path / "store/plain/result.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"stars": {"stars": 0, "reason": "none looked for"}}))
+    with pytest.raises(RefusedError, match="holds no image with stars"):
+        write_astrometry(tmp_path / "store", tmp_path / "out", [])
+    shutil.copytree(among_stars.store / "stars", tmp_path / "store/good")
+    rows, left_out, _ = write_astrometry(tmp_path / "store", tmp_path / "out", [])
+    assert len(rows) == 1
+    assert left_out["plain"].startswith("stars-not-identified: ")
+
+
+@pytest.mark.parametrize(
+    ("naif_id", "name"), [(502, "Jupiter 2"), (602, "Saturn 2"), (2000433, "433"), (399, None), (599, None)]
+)
+def test_bodies_have_the_designations_of_the_minor_planet_center(naif_id: int, name: str | None) -> None:
+    assert perm_id(naif_id) == name

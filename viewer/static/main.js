@@ -7,6 +7,7 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
+const PAUSE_MS = 200;
 const of = (id) => document.getElementById(id);
 const state = { about: null, product: null, place: null, page: null, row: null, next: null };
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
@@ -64,9 +65,18 @@ async function choose(product, place = undefined) {
   await show(page);
   state.place = place ?? await backend.place(product, table.asked);
   table.select(state.place, product);
+  if (state.about.other) await showOther(page, product);
   plot.selected = product;
   if (!of("plots-view").hidden) plot.draw();
   history.replaceState(null, "", `#${encodeURIComponent(product)}`);
+}
+
+// What the other store says of the same image.
+async function showOther(page, product) {
+  const other = await backend.product(product, 1).catch(() => null);
+  if (!other || state.page !== page) return;
+  page.other = other.result;
+  showSide(page, page.row);
 }
 
 async function show(page, keepView = false) {
@@ -95,6 +105,7 @@ function fillPlanes(page) {
 // Once a picture is there: the next image, then what hovering needs.
 async function afterFirstPicture(page) {
   if (!isStatic) await fetchNext(page);
+  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
   if (state.page === page) await hover.prepare(page);
 }
 
@@ -215,6 +226,11 @@ for (const action of ["accept", "reject", "note"]) of(action).addEventListener("
 of("undo").addEventListener("click", guarded(undo));
 async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
 
+window.addEventListener("hashchange", guarded(async () => {
+  const product = decodeURIComponent(location.hash.slice(1));
+  if (product && product !== state.product) await choose(product);
+}));
+
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
   "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
@@ -261,6 +277,7 @@ guarded(async () => {
     return label;
   }));
   listSaved();
+  if (state.about.other) [picture.other, picture.otherSide] = ["image", 1];
   await ask("");
   const wanted = decodeURIComponent(location.hash.slice(1)), first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
   if (first) await choose(first, wanted ? undefined : 0);

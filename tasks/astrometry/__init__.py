@@ -1,0 +1,1 @@
+"""Astrometry: where bodies are seen among the stars, as tables that orbit determination reads."""
