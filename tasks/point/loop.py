@@ -55,15 +55,17 @@ class PointSettings(BaseModel):
 
 
 def refuse_without_limb(pose: Pose, scene: Scene) -> None:
-    """Raise RefusedError when the target is too large for its limb to be in the frame, or too small to register."""
+    """Raise RefusedError when the target is too large for enough of its limb to be in the frame, or too small to
+    register."""
     radius = disk_radius_px(pose, scene.camera, scene.target)
     diagonal = float(np.hypot(*scene.camera.size_px))
     if radius > 2 * diagonal:
         raise RefusedError(
             Reason.NO_LIMB,
             f"the disk of {scene.target.name} is {2 * radius:.0f} px wide and the frame {scene.camera.size_px[0]} px: "
-            "no limb to register.",
-            "Only frames that show a limb can be corrected; choose one taken from farther away, or check the range.",
+            f"at most {np.degrees(diagonal / radius):.0f} deg of its limb can be in it, too short and straight a piece "
+            "to fix the pose.",
+            "Choose a frame that was taken from farther away, or check the range.",
         )
     if radius < 4:
         raise RefusedError(
