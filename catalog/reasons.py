@@ -132,6 +132,7 @@ class Reason(StrEnum):
     NOTHING_TO_ADJUST = "nothing-to-adjust"
     NOTHING_TO_EVALUATE = "nothing-to-evaluate"
     NOTHING_TO_MAP = "nothing-to-map"
+    NOTHING_TO_TIE = "nothing-to-tie"
     NOTHING_TO_REPROCESS = "nothing-to-reprocess"
     NOTHING_TO_SIMULATE = "nothing-to-simulate"
     NOT_FETCHED = "not-fetched"

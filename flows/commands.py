@@ -12,6 +12,7 @@ from catalog.plain_text import printable
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
@@ -225,6 +226,24 @@ def mosaic(options: MosaicOptions, show: Show) -> None:
     show(Row(mosaic_text(made), mosaic_summary(made)))
     for path in write_forms(made, options.format):
         show(Row(str(path)))
+    for product, reason in made.left_out:
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
+def control(options: ControlOptions, show: Show) -> None:
+    """A row with the table of images, then the files; asides for products that were left out. Raises WrongOptionError
+    for an unknown law or a patch without a middle."""
+    from tasks.control.files import write_control, write_control_kernels
+    from tasks.control.settings import ControlSettings
+    from tasks.control.store import control_report, control_store, control_table
+
+    known = options.model_dump(include=set(ControlSettings.__dataclass_fields__))
+    made = control_store(options.store, ControlSettings(**known), lambda text: show(Row(text, minor=True, aside=True)))
+    report = control_report(made)
+    show(Row(control_table(report), report))
+    paths = write_control(made, options.out)
+    paths += write_control_kernels(made, options.out / "kernels") if options.kernels else []
+    show(Row("\n".join(str(path) for path in paths)))
     for product, reason in made.left_out:
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 

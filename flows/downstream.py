@@ -11,6 +11,7 @@ from flows.flow import O, flow_of
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
@@ -71,6 +72,12 @@ def photometry(options: PhotometryOptions) -> State[None]:
 def mosaic(options: MosaicOptions) -> State[None]:
     """Combine the images of a store to a map of normalised reflectance."""
     return state_of(commands.mosaic, options)
+
+
+@flow_of(ControlOptions)
+def control(options: ControlOptions) -> State[None]:
+    """Tie images of a store to each other and adjust all their poses."""
+    return state_of(commands.control, options)
 
 
 @flow_of(AdjustOptions)

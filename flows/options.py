@@ -277,6 +277,25 @@ class MosaicOptions(Options):
     scheduler: Text = opt(description="Address of a Dask scheduler; default: threads of this process.")
 
 
+class ControlOptions(Options):
+    """Tie the images of a store to each other and adjust all their poses together."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("control"), description="Folder for the network, poses, tables and kernels.")
+    points: int = opt(1200, ge=20, le=200_000, description="Places on the body that are tried.")
+    patch_px: int = opt(21, ge=7, le=101, description="Side of a patch, odd; pixels of the coarser image.")
+    search_px: int = opt(4, ge=1, le=40, description="How far matches may lie from where the poses have them.")
+    least_correlation: float = opt(0.8, ge=0.3, le=0.99, description="Of two patches that are taken to match.")
+    law: str = opt("lunar-lambert", description="Photometric law that patches are divided by.")
+    least_attitude_deg: float = opt(
+        0.0, ge=0, description="1-sigma of the bodies' orientations, at least, where products state a smaller one."
+    )
+    free_radius: bool = opt(False, description="Points may lie above or below the shape.")
+    reject_sigma: float = opt(4.0, ge=2, description="Ties further off are left out.")
+    kernels: bool = opt(False, description="SPICE kernels of the adjusted poses, too.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+
+
 class AdjustOptions(Options):
     """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
 

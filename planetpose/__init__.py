@@ -22,6 +22,7 @@ import planetpose_launcher
 PUBLIC = {
     "correct": "planetpose.correction",
     "Result": "planetpose.result",
+    "stars": "planetpose.star_search",
     "open_store": "planetpose.cubes",
     "open_index": "tasks.publish.index",
     "open_cube": "planetpose.cubes",
@@ -82,6 +83,7 @@ if TYPE_CHECKING:
     from planetpose.geometry import place_of as place_of
     from planetpose.hidden import HiddenModuleWarning as HiddenModuleWarning
     from planetpose.result import Result as Result
+    from planetpose.star_search import stars as stars
     from tasks.compare.match import Match as Match
     from tasks.point.registration.base import Registration as Registration
     from tasks.point.registration.base import Shift as Shift

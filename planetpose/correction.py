@@ -31,6 +31,7 @@ def correct(
     summing: int | None = None,
     window: tuple[int, int, int, int] | None = None,
     resume: AnyPath | None = None,
+    body: Sequence[str] | None = None,
     stars: AnyPath | None = None,
     cache: AnyPath | None = None,
     progress: Callable[[str, int, str], None] | None = None,
@@ -49,8 +50,9 @@ def correct(
     predicted centre beforehand. mask: picture of the frame's size; pixels where it is not zero are not used. flip: of
     the picture, before anything else. plane: of a file with several, its number from 1 or its name. summing: detector
     pixels along a side of an image pixel. window: (x0, y0, width, height) of the part of the detector that the file
-    holds, detector pixels from 0. resume: an earlier product, or its result.json, to start from. stars: catalog (gaia,
-    hipparcos, or a file) whose stars are looked for. cache: folder of steps' results; None takes PLANETPOSE_CACHE.
+    holds, detector pixels from 0. resume: an earlier product, or its result.json, to start from. body: names of other
+    bodies in the frame, ("none",) for none; None takes all that the kernels cover. stars: catalog (gaia, hipparcos, or
+    a file) whose stars are looked for. cache: folder of steps' results; None takes PLANETPOSE_CACHE.
     progress: called as progress(step, iteration, text) when a step begins (iteration 0, empty text) and iterates.
 
     Returns the result, see `Result`: an image that cannot be corrected is no exception, its `status` is `refused` or
@@ -86,6 +88,7 @@ def correct(
         "summing": summing,
         "window": window,
         "resume": resume,
+        "body": None if body is None else tuple(body),
         "stars": None if stars is None else str(stars),
         "cache": cache,
     }

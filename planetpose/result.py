@@ -15,6 +15,7 @@ class Guidance(TypedDict):
     plane: str | None
     summing: int | None
     window: list[int] | None
+    bodies: list[str]
     resumed_from: str | None
     overruled: list[str]
 
@@ -74,11 +75,13 @@ class Result(TypedDict):
     settled: Settled
     orientation: dict[str, Any] | None
     stars: dict[str, Any] | None
+    bodies: list[dict[str, Any]]
     limb_rms_px: float | None
     limb_points: int | None
     limb_robust_px: float | None
     limb_disagreeing: float | None
     similarity: Similarity
+    patches: dict[str, Any] | None
     pose: dict[str, Any] | None
     cube: str | None
     overlay: str | None

@@ -50,7 +50,7 @@ def _threads(scene: Any) -> Iterator[None]:
     import drjit
 
     usual = drjit.thread_count()
-    if np.prod(scene.sensors()[0].film().size()) > FEW:
+    if np.prod(scene.sensors()[0].film().crop_size()) > FEW:
         yield
         return
     drjit.set_thread_count(0)

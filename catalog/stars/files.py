@@ -27,6 +27,7 @@ SUFFIXES = {
 }  # fmt: skip
 MAX_BYTES = 200_000_000_000
 MOST_STARS = 20_000_000  # that are kept in memory
+NARROWER = "give --near and --cone-deg, and sort the file by declination"
 DEFAULT_EPOCH = 2000.0
 Columns = dict[str, NDArray[Any]]
 OPTIONAL = ("pm_ra_mas", "pm_dec_mas", "parallax_mas")
@@ -79,7 +80,7 @@ class FileCatalog:
             known &= unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg))
         chosen = np.flatnonzero(known)
         if len(chosen) > MOST_STARS:
-            raise ValueError(f"{len(chosen)} stars are more than {MOST_STARS}; give --near and --cone-deg")
+            raise ValueError(f"{len(chosen)} stars are more than {MOST_STARS}; {NARROWER}")
         blank = np.zeros(len(chosen))
         pm_ra, pm_dec, parallax = (np.nan_to_num(values[key][chosen]) if key in values else blank for key in OPTIONAL)
         ident = columns.get("ident")
@@ -120,6 +121,8 @@ def _of_parquet(path: Path, given: Mapping[str, str], cone: Cone | None) -> Colu
         with pq.ParquetFile(path) as file:
             names = column_map(file.schema_arrow.names, given, str(path))
             groups = [number for number in range(file.num_row_groups) if _may_hold(file, number, names, cone)]
+            if (rows := sum(file.metadata.row_group(number).num_rows for number in groups)) > MOST_STARS:
+                raise ValueError(f"{rows} stars would be read, {MOST_STARS} are the most; {NARROWER}")
             table = file.read_row_groups(groups, columns=list(names.values()))
     except pa.ArrowException as error:
         raise ValueError(str(error)) from error

@@ -1,4 +1,4 @@
-"""planetpose adjust, astrometry, check, export, fetch, kernels, mosaic, photometry, report, stars: on lists, stores"""
+"""planetpose adjust, check, control, export, photometry, stars and others: the commands on lists and stores."""
 
 import sys
 from functools import partial
@@ -10,6 +10,7 @@ from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, 
 from flows.options import (
     AdjustOptions,
     CheckOptions,
+    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
@@ -31,6 +32,7 @@ def register(app: typer.Typer) -> None:
     """Add the commands."""
     models: dict[str, type[Options]] = {
         "adjust": AdjustOptions,
+        "control": ControlOptions,
         "export": ExportOptions,
         "mosaic": MosaicOptions,
         "photometry": PhotometryOptions,

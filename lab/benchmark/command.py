@@ -1,4 +1,4 @@
-"""planetpose benchmark NAME: measure on this machine."""
+"""planetpose benchmark NAME: what the program is measured by on this machine."""
 
 from typing import Annotated
 
@@ -24,8 +24,8 @@ def register(app: typer.Typer) -> None:
     group.command()(fuzz)
     group.command()(batches)
     group.command()(honesty)
-    group.command()(closeup)
     group.command()(bodies)
+    group.command()(closeup)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)

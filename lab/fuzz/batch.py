@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalog.plain_text import shown_path
+from flows.guided import REQUESTS
 from flows.one_image import one_result
 from flows.progress import Silent
 from flows.request import Request
@@ -140,7 +141,7 @@ def faults_of(requests: list[Request], results: list[Result], place: int, spoilt
         else:
             yield from faults_of_reason(result, spoilt)
     there = {path.name for path in store.iterdir()} if store.is_dir() else set()
-    known = published | {"index.parquet", ".index.lock"}
+    known = published | {"index.parquet", ".index.lock", REQUESTS}
     if there - known or published - there:
         yield f"the store holds {sorted(there)} for {sorted(published)}"
     if published != set(open_index(store)["product"]):

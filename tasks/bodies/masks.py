@@ -64,6 +64,8 @@ def without_target(
             continue
         if not keep_behind:
             other &= ~grown(disk, -blur_px)
+        elif disk.any() and not (grown(disk, kept_px(own, camera, psf_sigma_px)) & ~disk_of(body, camera)).any():
+            continue  # wholly before the other body: what is around the target is all that light, known as it is
         elif (disk_of(body, camera) & disk).any():
             # A moon before its planet: near the limb the planet's light is what the moon hides.
             other &= ~grown(disk, kept_px(own, camera, psf_sigma_px))

@@ -1,4 +1,4 @@
-"""Patches of the ground as images show them: on a plane that touches the body, north up, normalised for illumination."""
+"""Patches of the ground as images show them: on a plane that touches the body, north up, illumination divided out."""
 
 from dataclasses import dataclass
 
@@ -72,8 +72,9 @@ def patches_of(
     if not good.any():
         return values, good
     value, usable = _sampled(view, xy[good])
-    flat = (np.degrees(np.arccos(np.clip(cosine[good], -1, 1))) for cosine in (seen.mu0, seen.mu))
-    values[good] = value * law.normalising_factor(law.usual_values, *flat, seen.phase_deg[good])
+    incidence, emission = (np.degrees(np.arccos(np.clip(cosine[good], -1, 1))) for cosine in (seen.mu0, seen.mu))
+    factor = law.normalising_factor(law.usual_values, incidence, emission, seen.phase_deg[good])
+    values[good] = np.asarray(value, np.float64) * np.asarray(factor, np.float64)
     good[np.flatnonzero(good)[~usable.all(axis=(1, 2))]] = False
     return values, good
 

@@ -37,7 +37,7 @@ class ReducedSystem:
         of_points = np.zeros((self.points, self.d, self.d))
         np.add.at(of_points, point, np.einsum("nki,nkj->nij", by_point, by_point))
         of_points += np.diag(point_information + LEAST_POINT_INFORMATION)
-        self.point_inverse = np.linalg.inv(of_points)
+        self.point_inverse: Array = np.asarray(np.linalg.inv(of_points), np.float64)
         self.right = -np.einsum("kij,kj->ki", information, moves)
         np.add.at(self.right, image, np.einsum("nki,nk->ni", by_pose, residual))
         self.point_right = -point_information * heights
@@ -56,12 +56,10 @@ class ReducedSystem:
     def _factor(self) -> Any:
         """Something that solves for a right side (images * p,) or (images * p, k)."""
         if self.images * self.p <= DENSE:
-            from scipy.linalg import cho_factor, cho_solve
+            from scipy.linalg import cho_solve
 
-            dense = self.matrix.toarray()
-            scale = 1 / np.sqrt(np.diag(dense))
-            factor = cho_factor(dense * scale[:, None] * scale[None, :], lower=True, check_finite=False)
-            return lambda b: (scale * cho_solve(factor, (scale * b.T).T).T).T
+            factor, scale = self._dense_factor
+            return lambda b: (scale * cho_solve((factor, True), (scale * b.T).T).T).T
         from scipy.sparse.linalg import splu
 
         return splu(self.matrix.tocsc()).solve
@@ -81,7 +79,24 @@ class ReducedSystem:
     @cached_property
     def _columns(self) -> Array:
         """Inverse of the reduced system (images * p, images * p)."""
-        return np.asarray(self._factor(np.eye(self.images * self.p)))
+        if self.images * self.p > DENSE:
+            return np.asarray(self._factor(np.eye(self.images * self.p)))
+        from scipy.linalg.lapack import dpotri
+
+        factor, scale = self._dense_factor
+        inverse, _ = dpotri(factor, lower=True)
+        upper = np.tril(inverse, -1).T
+        return np.asarray((np.tril(inverse) + upper) * scale[:, None] * scale[None, :])
+
+    @cached_property
+    def _dense_factor(self) -> tuple[Array, Array]:
+        """Lower Cholesky factor of the scaled reduced system, and the scale of its unknowns."""
+        from scipy.linalg import cholesky
+
+        dense = self.matrix.toarray()
+        scale = 1 / np.sqrt(np.diag(dense))
+        scaled = dense * scale[:, None] * scale[None, :]
+        return cholesky(scaled, lower=True, check_finite=False), scale
 
     def pose_covariances(self) -> Array:
         """Of each pose (images, p, p)."""

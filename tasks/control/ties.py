@@ -22,7 +22,8 @@ REFERENCE_SIGMA_PX = 0.03
 class Ties:
     """n measures of m points. points (m, 3) km: a priori; image, point (n,): which; xy_px (n, 2): pixels of the
     undistorted frame; covariance (n, 2, 2) px^2; correlation (n,): 1 of the image that the others were matched with,
-    which `reference` (n,) marks."""
+    which `reference` (n,) marks. shared (n,): how many measures of an image show about the same ground, as patches
+    overlap: together they count as one."""
 
     points: Array
     image: NDArray[np.intp]
@@ -31,13 +32,14 @@ class Ties:
     covariance: Array
     correlation: Array
     reference: NDArray[np.bool_]
+    shared: Array
 
     def part(self, kept: NDArray[np.bool_]) -> "Ties":
         """Some measures; points that fewer than two images show are left out, the others numbered anew."""
         count = np.bincount(self.point[kept], minlength=len(self.points))
         kept = kept & (count >= 2)[self.point]
         used, point = np.unique(self.point[kept], return_inverse=True)
-        names = ("image", "xy_px", "covariance", "correlation", "reference")
+        names = ("image", "xy_px", "covariance", "correlation", "reference", "shared")
         return Ties(self.points[used], point=point, **{name: getattr(self, name)[kept] for name in names})
 
 
@@ -46,6 +48,23 @@ class _Sights:
     """What images see of places (images, places): resolution in km, NaN where a place is not lit, seen, or within."""
 
     resolution_km: Array
+
+
+@dataclass(frozen=True)
+class _Matched:
+    """Fields of `Ties`; place (n,): number of the place that was tried."""
+
+    image: NDArray[np.intp]
+    place: NDArray[np.intp]
+    xy_px: Array
+    covariance: Array
+    correlation: Array
+    shared: Array
+
+
+_NONE = _Matched(
+    np.empty(0, np.intp), np.empty(0, np.intp), np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0), np.empty(0)
+)
 
 
 def find_ties(views: Sequence[View], settings: ControlSettings) -> Ties:
@@ -62,9 +81,9 @@ def find_ties(views: Sequence[View], settings: ControlSettings) -> Ties:
         for other in range(len(views))
         if other != reference
     ]
-    columns = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.empty(0)] * 5
-    image, place, xy, covariance, correlation = columns
-    return _with_references(views, places, best, image, place, xy, covariance, correlation)
+    found = [part for part in found if len(part.image)] or [_NONE]
+    names = ("image", "place", "xy_px", "covariance", "correlation", "shared")
+    return _with_references(views, places, best, _Matched(*(_joined(found, name) for name in names)))
 
 
 def _sights(views: Sequence[View], places: Places, settings: ControlSettings) -> _Sights:
@@ -85,33 +104,39 @@ def _sights(views: Sequence[View], places: Places, settings: ControlSettings) ->
 def _of_pair(
     views: Sequence[View], reference: int, other: int, chosen: NDArray[np.intp], places: Places, sights: _Sights,
     settings: ControlSettings,
-) -> tuple[Array, ...]:  # fmt: skip
-    """Image, place, pixel, covariance and correlation of the matches of one image with another."""
+) -> _Matched:  # fmt: skip
+    """The matches of one image with another."""
     fine, coarse = sights.resolution_km[reference, chosen], sights.resolution_km[other, chosen]
     with np.errstate(invalid="ignore"):
         chosen = chosen[np.isfinite(coarse) & (coarse < settings.most_ratio * fine)]
-    empty = (np.empty(0, np.intp), np.empty(0, np.intp), np.empty((0, 2)), np.empty((0, 2, 2)), np.empty(0))
     if not len(chosen):
-        return empty
+        return _NONE
     step = sights.resolution_km[other, chosen]
     law, side, margin = find_law(settings.law), settings.patch_px, settings.search_px
     first, whole = patches_of(views[reference], places.part(chosen), step, side, law)
     second, wider = patches_of(views[other], places.part(chosen), step, side + 2 * margin, law)
     both = whole & wider
     if not both.any():
-        return empty
+        return _NONE
     chosen, step = chosen[both], step[both]
     matches = match_patches(first[both], second[both], margin)
     good = matches.good & (matches.correlation >= settings.least_correlation)
     chosen, step = chosen[good], step[good]
     if not len(chosen):
-        return empty
+        return _NONE
     at = places.part(chosen)
     view = views[other]
     size = step[:, None] * np.array([1.0, -1.0])  # rows go down, north goes up
     xy = pixels_of_points(view.pose, view.camera, at.moved(view.target, matches.shift[good] * size))
     covariance = _in_pixels(view, at, size, matches.covariance[good])
-    return np.full(len(chosen), other), chosen, xy, covariance, matches.correlation[good]
+    ground_km2 = 4 * np.pi * view.target.mean_radius_km**2 / settings.points
+    shared = np.maximum((side * step) ** 2 / ground_km2, 1.0)
+    image = np.full(len(chosen), other, np.intp)
+    return _Matched(image, chosen, xy, covariance, matches.correlation[good], shared)
+
+
+def _joined(found: Sequence[_Matched], name: str) -> NDArray:
+    return np.concatenate([getattr(part, name) for part in found])
 
 
 def _in_pixels(view: View, at: Places, size_km: Array, covariance: Array) -> Array:
@@ -126,21 +151,19 @@ def _in_pixels(view: View, at: Places, size_km: Array, covariance: Array) -> Arr
     return np.asarray(found + LEAST_SIGMA_PX**2 * np.eye(2))
 
 
-def _with_references(
-    views: Sequence[View], places: Places, best: NDArray[np.intp], image: Array, place: Array, xy: Array,
-    covariance: Array, correlation: Array,
-) -> Ties:  # fmt: skip
-    used = np.unique(place).astype(np.intp)
+def _with_references(views: Sequence[View], places: Places, best: NDArray[np.intp], found: _Matched) -> Ties:
+    used = np.unique(found.place)
     own = np.array(
         [pixels_of_points(views[best[p]].pose, views[best[p]].camera, places.points[p]) for p in used]
     ).reshape(-1, 2)
-    point = np.concatenate([np.searchsorted(used, place), np.arange(len(used))]).astype(np.intp)
+    count = len(used)
     return Ties(
         points=places.points[used],
-        image=np.concatenate([image, best[used]]).astype(np.intp),
-        point=point,
-        xy_px=np.concatenate([xy, own]),
-        covariance=np.concatenate([covariance, np.tile(REFERENCE_SIGMA_PX**2 * np.eye(2), (len(used), 1, 1))]),
-        correlation=np.concatenate([correlation, np.ones(len(used))]),
-        reference=np.concatenate([np.zeros(len(image), bool), np.ones(len(used), bool)]),
+        image=np.concatenate([found.image, best[used]]),
+        point=np.concatenate([np.searchsorted(used, found.place), np.arange(count)]),
+        xy_px=np.concatenate([found.xy_px, own]),
+        covariance=np.concatenate([found.covariance, np.tile(REFERENCE_SIGMA_PX**2 * np.eye(2), (count, 1, 1))]),
+        correlation=np.concatenate([found.correlation, np.ones(count)]),
+        reference=np.concatenate([np.zeros(len(found.image), bool), np.ones(count, bool)]),
+        shared=np.concatenate([found.shared, np.ones(count)]),
     )

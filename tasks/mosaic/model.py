@@ -33,8 +33,8 @@ LEAST_SCATTER = 1e-3
 
 @dataclass(frozen=True)
 class Model:
-    """values: of all parameters of the law (albedo 1 where it has one); sigma: of the solved. levels (images,): how much
-    an image is brighter than ground and law make it; level_sigma (images,): relative, for a known law. scatter:
+    """values: of all parameters of the law (albedo 1 where it has one); sigma: of the solved. levels (images,): how
+    much an image is brighter than ground and law make it; level_sigma (images,): relative, for a known law. scatter:
     relative 1-sigma by which law and albedo miss single images, beyond noise and pose. samples: how many were used;
     shared: cells of the ground that more than one image shows."""
 

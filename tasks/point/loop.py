@@ -55,15 +55,17 @@ class PointSettings(BaseModel):
 
 
 def refuse_without_limb(pose: Pose, scene: Scene) -> None:
-    """Raise RefusedError when the target is too large for its limb to be in the frame, or too small to register."""
+    """Raise RefusedError when the target is too large for enough of its limb to be in the frame, or too small to
+    register."""
     radius = disk_radius_px(pose, scene.camera, scene.target)
     diagonal = float(np.hypot(*scene.camera.size_px))
     if radius > 2 * diagonal:
         raise RefusedError(
             Reason.NO_LIMB,
             f"the disk of {scene.target.name} is {2 * radius:.0f} px wide and the frame {scene.camera.size_px[0]} px: "
-            "no limb to register.",
-            "Only frames that show a limb can be corrected; choose one taken from farther away, or check the range.",
+            f"at most {np.degrees(diagonal / radius):.0f} deg of its limb can be in it, too short and straight a piece "
+            "to fix the pose.",
+            "Choose a frame that was taken from farther away, or check the range.",
         )
     if radius < 4:
         raise RefusedError(
@@ -167,14 +169,22 @@ def searched(observation: Observation, pose: Pose, scene: Scene, min_overlap: fl
     else in front of the sky or, where the frame holds a large bright body, in front of that, whichever is more like
     the image."""
     by_all = find_with_others(observation, pose, scene, min_overlap)
-    if by_all is not None and not is_before_another(by_all.pose, scene):
+    if by_all is not None and not any(is_before_another(each, scene) for each in (by_all.pose, pose)):
         return by_all
     found = find_target(observation, pose, scene, min_overlap)
     in_front = find_in_front(observation, pose, scene, min_overlap)
     finds = [each for each in (found, in_front, by_all) if each is not None]
     if len(finds) == 1:
         return found
-    return max(finds, key=lambda find: likeness_at(alone(observation, find.pose, scene), find.pose, scene))
+    return max(finds, key=lambda find: likeness_beside_others(observation, find.pose, scene))
+
+
+def likeness_beside_others(observation: Observation, pose: Pose, scene: Scene) -> float:
+    """`likeness_at` with other bodies left out; -1 where nothing of the target is left then."""
+    try:
+        return likeness_at(alone(observation, pose, scene), pose, scene)
+    except FailedError:
+        return -1.0
 
 
 def has_others(pose: Pose, scene: Scene) -> bool:

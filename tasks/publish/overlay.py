@@ -1,6 +1,7 @@
 """The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator."""
 
 import threading
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.bodies.placed import bodies_of, in_frame
+from tasks.bodies.seen import has_company, seen_by_frame
 from tasks.project.curves import Curve, graticule, limb, terminator
 from tasks.project.points import latitude_longitude
 from tasks.publish.framing import Box, box_of, close_up, union
@@ -22,6 +25,10 @@ PREDICTED: dict[str, Any] = {"color": "#E69F00", "linestyle": (0, (6, 4)), "line
 CORRECTED: dict[str, Any] = {"color": "#56B4E9", "linestyle": "-", "linewidth": 1.6}
 TERMINATOR: dict[str, Any] = {"color": "#F0E442", "linestyle": (0, (1, 1.6)), "linewidth": 1.8}
 GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "alpha": 0.6}
+OTHER: dict[str, Any] = {"color": "#CC79A7", "linestyle": "-", "linewidth": 1.4}
+RING: dict[str, Any] = {"color": "#CC79A7", "linestyle": ":", "linewidth": 0.9}
+SHADOW = "#D55E00"
+OTHER_POINTS = 1440
 GRID_STEP_DEG = 30.0
 LABEL_COSINE = 0.3  # of emission, below which grid labels would crowd
 GAMMA = 0.65
@@ -61,6 +68,7 @@ def draw_overlay(
         shown = stretched(image)
         _draw_body(panels[0], shown, box, pose_after, camera, target)
         _draw_limbs(panels[0], before, after, found)
+        _draw_others(panels, pose_after, camera, target)
         if far_apart:
             _show(panels[1], shown, union(frame, box_of(before.xy_px), box_of(after.xy_px)))
             _draw_limbs(panels[1], before, after, found)
@@ -148,6 +156,38 @@ def _emission_cosine(pose: Pose, target: Target, point_km: NDArray[np.float64]) 
     normal = point_km / np.asarray(target.radii_km) ** 2
     sight = pose.spacecraft_in_body_km - point_km
     return float(normal @ sight / np.linalg.norm(normal) / np.linalg.norm(sight))
+
+
+def _draw_others(panels: Iterable["Axes"], pose: Pose, camera: Camera, target: Target) -> None:
+    """Limbs of the other bodies, rings' edges, and the edge of the shadows on what is seen."""
+    if not has_company(pose, camera, target):
+        return
+    label: str | None = "other bodies"
+    bodies = [body for body in bodies_of(pose, target) if in_frame(body, camera)]
+    shadow = np.nan_to_num(seen_by_frame(pose, camera, target).shadow)
+    for axes in panels:
+        limits = axes.get_xlim(), axes.get_ylim()
+        for body in bodies:
+            if body.place is not None:
+                x, y = limb(body.pose, camera, body.target, OTHER_POINTS).xy_px.T
+                axes.plot(x, y, label=label, **OTHER)
+                label = None
+            for ring in body.target.rings:
+                for radius in (ring.inner_km, ring.outer_km):
+                    x, y = _circle(body.pose, camera, radius).T
+                    axes.plot(x, y, **RING)
+        if shadow.max() > 0.5:
+            axes.contour(shadow, levels=[0.5], colors=[SHADOW], linewidths=1.2, linestyles="dashed")
+            axes.plot([], [], color=SHADOW, linestyle="--", linewidth=1.2, label="shadow")
+        axes.set_xlim(*limits[0])
+        axes.set_ylim(*limits[1])
+
+
+def _circle(pose: Pose, camera: Camera, radius_km: float) -> NDArray[np.float64]:
+    """A circle in the body's equator, pixels (n, 2); NaN behind the camera."""
+    angle = np.linspace(0, 2 * np.pi, OTHER_POINTS)
+    points = radius_km * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
+    return camera.project((points @ pose.body_from_j2000 + pose.target_from_spacecraft_km) @ pose.camera_from_j2000.T)
 
 
 def _draw_limbs(axes: "Axes", before: Curve, after: Curve, found: str) -> None:

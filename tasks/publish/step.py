@@ -9,7 +9,6 @@ import numpy as np
 from catalog.camera import Camera
 from catalog.observation import Observation
 from catalog.pose import Pose
-from tasks.bodies.measure import separations
 from tasks.correcting import CorrectionResult
 from tasks.fields import Content, Json, PlainJson, PoseField
 from tasks.ingest.pose_step import PredictedPose
@@ -22,6 +21,7 @@ from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
 from tasks.record import Record, record_in
 from tasks.scene_inputs import SceneInputs
+from tasks.separations.measure import separations
 from tasks.stars.separate import TOGETHER, separation
 from tasks.stars.step import StarsResult
 from tasks.step import Step, StepType

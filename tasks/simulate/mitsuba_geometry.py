@@ -1,5 +1,7 @@
 """Mitsuba renders where each ray meets the target; cosines and laws follow, so that one render serves many laws."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,15 +26,7 @@ def rendered_surface(
     pose: Pose, camera: Camera, target: Target, basemap: BaseMap, window: Window, oversample: int
 ) -> Samples:
     """Hit, cosine of incidence (0 at night), of emission, and albedo (ny*s, nx*s), as `ellipsoid_surface`."""
-    return sampled_surface(
-        render_positions(pose, camera, target, window, oversample),
-        target.mean_radius_km,
-        np.array(target.radii_km, np.float64),
-        np.ascontiguousarray(pose.spacecraft_in_body_km, np.float64),
-        np.ascontiguousarray(pose.sun_direction_in_body, np.float64),
-        np.ascontiguousarray(basemap.albedo, np.float32),
-        float(basemap.left_edge_deg),
-    )
+    return _sampled(render_positions(pose, camera, target, window, oversample), pose, target, basemap)
 
 
 def surface_with_rendered_limb(
@@ -41,14 +35,30 @@ def surface_with_rendered_limb(
     """The same, rendered in a ring along the lit limb only, in closed form elsewhere."""
     surface = ellipsoid_surface(pose, camera, target, basemap, window, oversample)
     hit, mu0 = surface[0][::oversample, ::oversample], surface[1][::oversample, ::oversample]
+    scene = _scene(pose, camera, target, window, oversample)
+    film = mitsuba().traverse(scene)
     for square in squares_along(hit, mu0 > 0):
-        part = square.moved(window.x0, window.y0)
         rows = slice(square.y0 * oversample, square.y1 * oversample)
         columns = slice(square.x0 * oversample, square.x1 * oversample)
-        seen = rendered_surface(pose, camera, target, basemap, part, oversample)
+        film["sensor.film.crop_offset"] = [columns.start, rows.start]
+        film["sensor.film.crop_size"] = [columns.stop - columns.start, rows.stop - rows.start]
+        film.update()
+        seen = _sampled(rendered(scene)[..., -3:], pose, target, basemap)
         for whole, values in zip(surface, seen, strict=True):
             whole[rows, columns] = values
     return surface
+
+
+def _sampled(points: Image, pose: Pose, target: Target, basemap: BaseMap) -> Samples:
+    return sampled_surface(
+        points,
+        target.mean_radius_km,
+        np.array(target.radii_km, np.float64),
+        np.ascontiguousarray(pose.spacecraft_in_body_km, np.float64),
+        np.ascontiguousarray(pose.sun_direction_in_body, np.float64),
+        np.ascontiguousarray(basemap.albedo, np.float32),
+        float(basemap.left_edge_deg),
+    )
 
 
 def squares_along(hit: NDArray[np.bool_], lit: NDArray[np.bool_]) -> list[Window]:
@@ -67,7 +77,12 @@ def render_positions(
     pose: Pose, camera: Camera, target: Target, window: Window, oversample: int
 ) -> NDArray[np.float32]:
     """Body-fixed surface points (ny*s, nx*s, 3), in units of the mean radius, seen through the centres of an s x s
-    grid of sub-pixels of `window`; zero where the ray misses.
+    grid of sub-pixels of `window`; zero where the ray misses."""
+    return rendered(_scene(pose, camera, target, window, oversample))[..., -3:]
+
+
+def _scene(pose: Pose, camera: Camera, target: Target, window: Window, oversample: int) -> Any:
+    """The target and its camera, whose film is the window.
 
     Mitsuba works in single precision: the target sits at the origin in units of its radius. The film is the window
     itself, its optical axis placed by the principal point, so that only the crop is rendered.
@@ -85,7 +100,7 @@ def render_positions(
     axis_y = camera.centre_px[1] - (window.y0 + window.y1 - 1) / 2
     reach = 1.05 * max(target.radii_km) / unit
     transform = mi.ScalarTransform4f
-    scene = mi.load_dict(
+    return mi.load_dict(
         {
             "type": "scene",
             "integrator": {"type": "aov", "aovs": "p:position"},
@@ -117,4 +132,3 @@ def render_positions(
             },
         }
     )
-    return rendered(scene)[..., -3:]

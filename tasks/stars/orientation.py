@@ -15,6 +15,7 @@ STEPS = 30
 STILL_DEG = 1e-9
 HUBER = 2.0  # residuals beyond this many sigmas count less
 LEAST_SIGMA_PX = 0.003
+FEWEST_FOR_SCALE = 6
 
 
 @dataclass(frozen=True)
@@ -61,6 +62,22 @@ def fit_orientation(camera: Camera, start: Array, directions: Array, xy_px: Arra
     normal = np.einsum("nki,n,nkj->ij", slopes, weights / sigma**2, slopes)
     covariance = np.linalg.inv(normal) * (180.0 / np.pi) ** 2
     return Orientation(nearest_rotation(turned), covariance, xy_px - places, extra, weights)
+
+
+def focal_length_factor(
+    camera: Camera, found: Orientation, directions: Array, xy_px: Array, sigma_px: Array
+) -> tuple[float, float] | None:
+    """The factor of the camera's focal length that the stars (n, 3) at pixels (n, 2) ask for, solved with the angles,
+    and its 1-sigma; None with too few stars. It is a test of the camera's scale, and not part of the orientation."""
+    if len(xy_px) < FEWEST_FOR_SCALE:
+        return None
+    places, slopes = _projected(camera, found.camera_from_j2000, directions)
+    columns = np.concatenate([slopes, (places - np.asarray(camera.centre_px))[:, :, None]], axis=-1)
+    weights = found.weights / (np.maximum(sigma_px, LEAST_SIGMA_PX) ** 2 + found.extra_sigma_px**2)
+    normal = np.einsum("nki,n,nkj->ij", columns, weights, columns)
+    covariance = np.linalg.inv(normal)
+    change = covariance @ np.einsum("nki,n,nk->i", columns, weights, xy_px - places)
+    return float(1.0 + change[3]), float(np.sqrt(covariance[3, 3]))
 
 
 def extra_sigma(residual_px: Array, stated_px: Array) -> float:

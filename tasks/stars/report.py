@@ -10,6 +10,7 @@ from catalog.stars.table import ra_dec_deg
 from catalog.times import utc_from_et
 from tasks.stars.field import StarField
 from tasks.stars.image import StarImage
+from tasks.stars.orientation import focal_length_factor
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
@@ -24,6 +25,7 @@ EMPTY: Json = {
     "uncertainty": None,
     "false_alarm_probability": None,
     "reason": None,
+    "focal_length_factor": None,
     "region": None,
     "matches": [],
 }
@@ -61,6 +63,7 @@ def in_json(found: StarImage) -> Json:
             "boresight_dec_deg": float(dec),
             "camera_from_j2000": orientation.camera_from_j2000.tolist(),
             "uncertainty": uncertainty(found),
+            "focal_length_factor": scale(found),
             "region": lock.kind,
             "matches": matches(field, found),
         }
@@ -87,6 +90,18 @@ def uncertainty(found: StarImage) -> Json:
         "covariance_deg2": orientation.covariance_deg2.tolist(),
         "extra_sigma_px": orientation.extra_sigma_px,
     }
+
+
+def scale(found: StarImage) -> Json | None:
+    """Factor of the camera's focal length that the stars ask for, and its 1-sigma; None with too few stars."""
+    field, lock = found.field, found.field.lock
+    if lock is None:
+        return None
+    seen, star = lock.matched.detection, lock.matched.star
+    solved = focal_length_factor(
+        found.camera, lock.matched.orientation, lock.directions[star], field.xy_px[seen], field.sigma_px[seen]
+    )
+    return None if solved is None else {"value": solved[0], "sigma": solved[1]}
 
 
 def matches(field: StarField, found: StarImage) -> list[Json]:
@@ -121,6 +136,8 @@ def matches(field: StarField, found: StarImage) -> list[Json]:
 
 def as_text(content: Json) -> str:
     """The same for people."""
+    if "camera" not in content:
+        return f"{content['image']}: {content['reason']}"
     if not content["stars"]:
         return f"{content['image']}: no stars identified: {content['reason']}"
     head = f"{content['image']}: {content['camera']}"

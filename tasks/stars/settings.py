@@ -35,7 +35,7 @@ class IdentificationSettings(BaseModel):
         20.0, gt=3, description="Brightest catalog stars of each patch of the frame's size in the first search."
     )
     most_orientations: int = Field(
-        3_000_000, gt=0, description="Orientations that are tried (about 10 s for a million) before giving up."
+        1_000_000, gt=0, description="Orientations that are tried (about 10 s for a million) before giving up."
     )
     least_stars: int = Field(3, ge=3, description="Fewest identified stars that make an orientation.")
     largest_false_alarm: float = Field(

@@ -28,10 +28,11 @@ def stars_of_images(requests: Iterable[StarRequest], out: Path | None) -> Iterat
 
 
 def _append(results: list[Json], request: StarRequest, out: Path | None) -> None:
-    results.append(_result(request, out))
+    results.append(result_of_image(request, out))
 
 
-def _result(request: StarRequest, out: Path | None) -> Json:
+def result_of_image(request: StarRequest, out: Path | None) -> Json:
+    """The result of one image, and its files. Raises RefusedError where it cannot be looked at."""
     found = stars_of_image(request)
     content = in_json(found)
     if out is not None:

@@ -151,6 +151,14 @@ def test_a_cone_reads_only_the_row_groups_that_may_hold_it(tmp_path: Path, monke
     assert read in ([11], [11, 12])
 
 
+def test_a_catalog_that_is_too_large_is_not_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("catalog.stars.files.MOST_STARS", 3)
+    catalog = FileCatalog(written(tmp_path, ".parquet"))
+    monkeypatch.setattr(pq.ParquetFile, "read_row_groups", None)  # would be a TypeError
+    with pytest.raises(RefusedError, match=r"5 stars would be read, 3 are the most; give --near"):
+        catalog.stars()
+
+
 def test_a_cone_of_a_packaged_catalog_has_its_radius() -> None:
     found = EmbeddedCatalog("gaia").stars(Cone(unit_vectors(325.5, -12.2), 1.0))
     inside = unit_vectors(found.ra_deg, found.dec_deg) @ unit_vectors(325.5, -12.2)

@@ -14,6 +14,7 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 
 from catalog.pose import Pose
+from flows.guided import REQUESTS
 from flows.progress import Silent
 from flows.request import Request
 from flows.result import EMPTY
@@ -325,7 +326,7 @@ def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: 
     assert len({json.dumps(result["pose"]) for result in results}) == 1
     assert servers == 1
     left = {path.name for path in (here / "out").iterdir()}
-    assert left == {"small", "index.parquet", ".index.lock"}  # no temporary is left
+    assert left == {"small", "index.parquet", ".index.lock", REQUESTS}  # no temporary is left
 
 
 def test_lists_of_cameras_targets_and_profiles(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ COMMANDS = (
     "kernels",
     "photometry",
     "mosaic",
+    "control",
     "adjust",
     "check",
     "stars",
@@ -70,7 +71,10 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
         ("check", {"paths": ["a"], "unknown": 1}),
         ("export", {"paths": ["s3://bucket/prefix"], "format": ["stac"]}),
         ("kernels", {"paths": ["a", "s3://bucket/prefix"]}),
-        *((command, {"store": "s3://bucket/prefix"}) for command in ("report", "photometry", "mosaic", "adjust")),
+        *(
+            (command, {"store": "s3://bucket/prefix"})
+            for command in ("report", "photometry", "mosaic", "control", "adjust")
+        ),
     ],
 )
 def test_a_flow_takes_what_the_model_takes(command: str, given: dict[str, Any]) -> None:

@@ -56,12 +56,13 @@ PROMISED = [
     "pixel_of",
     "place_of",
     "read_pose_file",
+    "stars",
     "write_pose_file",
 ]
 PROMISED_OF_CORRECT = (
     "(image, store='out', *, product=None, camera=None, target=None, pose_file=None, kernels=None, basemap=None, "
     "map_left_edge_deg=0.0, shape=None, profile=None, hold=(), start_offset_px=None, mask=None, flip=None, "
-    "plane=None, summing=None, window=None, resume=None, stars=None, cache=None, progress=None)"
+    "plane=None, summing=None, window=None, resume=None, body=None, stars=None, cache=None, progress=None)"
 )
 
 

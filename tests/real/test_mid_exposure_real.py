@@ -8,10 +8,11 @@ import numpy as np
 import pvl
 import pytest
 
-from catalog.camera import find_camera, known_cameras
+from catalog.camera import Camera, find_camera, known_cameras
 from catalog.observation import Frame, Observation
 from catalog.readers.isis import facts_of_cube
 from catalog.readers.keywords import facts_of_keywords, plain_values
+from catalog.spice import kernel_pool
 from tasks.ingest.pose import _time_of_frame
 
 WITH_CLOCK = {"N1702360370_1", "st_2458542208_v", "f004a47", "f704b28"}
@@ -46,6 +47,12 @@ def frame_of(label_file: Path) -> Frame:
     )  # fmt: skip
 
 
+def by_clock(frame: Frame, camera: Camera, kernels: list[Path]) -> tuple[float | None, tuple[str, ...]]:
+    """As the step `pose` takes it, with these kernels loaded."""
+    with kernel_pool(kernels) as loaded:
+        return _time_of_frame(frame, camera, loaded)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_mid_exposure_is_that_of_the_isd(name: str, data_folder: Path) -> None:
     folder = data_folder / "isd" / name
@@ -54,7 +61,7 @@ def test_mid_exposure_is_that_of_the_isd(name: str, data_folder: Path) -> None:
         frame = frame_of(label_file)
         camera = find_camera(str(frame.camera))
         assert (camera.clock is not None) == (name in WITH_CLOCK)
-        et, faults = _time_of_frame(frame, camera, [folder / "kernels"])
+        et, faults = by_clock(frame, camera, [folder / "kernels"])
         assert faults == ()
         assert et is not None
         apart_s = et - isd["center_ephemeris_time"]
@@ -67,8 +74,8 @@ def test_without_clock_kernels_the_labels_time_stands_and_the_reason_is_said(nam
     folder = data_folder / "isd" / name
     frame = frame_of(sorted(folder.glob("*.lbl"))[0])
     camera = find_camera(str(frame.camera))
-    assert _time_of_frame(frame, camera, []) == (frame.et, ())
-    et, faults = _time_of_frame(frame, camera, [next((folder / "kernels").glob("naif*.tls"))])
+    assert by_clock(frame, camera, []) == (frame.et, ())
+    et, faults = by_clock(frame, camera, [next((folder / "kernels").glob("naif*.tls"))])
     assert et == frame.et
     assert faults[0].startswith("SCLK: the label's clock count")
 
@@ -77,6 +84,6 @@ def test_a_clock_count_of_another_exposure_is_not_taken(data_folder: Path) -> No
     folder = data_folder / "isd" / "N1702360370_1"
     frame = frame_of(folder / "N1702360370_1_pds3.lbl")
     later = frame.replaced(et=(frame.et or 0.0) + 3600.0)
-    et, faults = _time_of_frame(later, find_camera("cassini-nac"), [folder / "kernels"])
+    et, faults = by_clock(later, find_camera("cassini-nac"), [folder / "kernels"])
     assert et == later.et
     assert "the label says" in faults[0]

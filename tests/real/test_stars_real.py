@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import planetpose
 from catalog.rotation import vector_deg_from_rotation
 from catalog.stars.table import unit_vectors
 from flows.cli import build_app
@@ -49,6 +50,20 @@ def test_the_raw_frame_through_our_own_undistortion_shows_the_same_stars(geomed:
     assert len(used & {each["star"] for each in other["matches"]}) >= 12
     turned = np.array(found["camera_from_j2000"]) @ np.array(other["camera_from_j2000"]).T
     assert np.radians(np.hypot(*vector_deg_from_rotation(turned)[:2])) * geomed.camera.focal_length_px < 0.3
+
+
+def test_the_stars_confirm_the_scale_of_the_object_space(raw: StarImage) -> None:
+    """ISIS has a pixel pitch 1.06 % smaller for this camera."""
+    factor = in_json(raw)["focal_length_factor"]
+    assert abs(factor["value"] - 1) < 2e-3
+    assert factor["sigma"] < 1e-3
+
+
+def test_python_gives_what_the_command_does(voyager: Path, geomed: StarImage) -> None:
+    found = planetpose.stars(voyager / "C2069302_GEOMED.IMG", near="325,-12", kernels=[])
+    known = in_json(geomed)
+    assert found["camera_from_j2000"] == pytest.approx(np.array(known["camera_from_j2000"]), abs=1e-7)
+    assert found["region"] == "cone"
 
 
 def test_kernels_add_aberration_and_jupiters_cone(voyager: Path, data_folder: Path, geomed: StarImage) -> None:

@@ -67,6 +67,13 @@ def test_a_smear_that_leaves_no_limb_to_be_measured_is_named(seed: int, number: 
     assert "smeared by motion" in found.fault or "blurred, by motion" in found.fault
 
 
+def test_blocks_of_a_compression_come_before_a_disk_that_is_a_little_too_wide() -> None:
+    (scene,) = scenes(31, 1, ("compressed",))
+    found = cause(scene)
+    assert found is not None
+    assert found.code == "compression-blocks"
+
+
 def test_the_flip_that_is_advised_is_the_one_that_undoes_the_planted_one() -> None:
     made = drawn(np.random.default_rng(4), ("europa",), radius_px=28.0, phase_deg=60.0)
     turned = Hostile("turned", "turned", np.rot90(made.image).copy(), made.given, made.camera, made.target)

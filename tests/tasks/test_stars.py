@@ -10,7 +10,7 @@ from catalog.observation import Observation, Quality
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from lab.stars.frame import Faults, frame_of, height_of
 from tasks.stars.identify import Possible, brightest_pairs, hypotheses, sky_pairs
-from tasks.stars.orientation import extra_sigma, fit_orientation
+from tasks.stars.orientation import extra_sigma, fit_orientation, focal_length_factor
 from tasks.stars.settings import DetectionSettings
 from tasks.stars.solve import brightest_everywhere
 from tasks.stars.sources import POINT, STAR, UNFIT, Sources, find_sources
@@ -140,6 +140,20 @@ def test_a_wrong_star_hardly_moves_the_orientation_and_understated_errors_are_ra
     scattered = fit_orientation(CAMERA, truth, directions, xy, np.full(12, 0.01))
     assert scattered.extra_sigma_px > 0.05
     assert extra_sigma(np.array([[0.1, 0.0], [0.0, 0.1], [0.1, 0.1]]), np.full(3, 0.5)) == 0.0
+
+
+def test_a_planted_scale_is_measured() -> None:
+    z = []
+    for seed in range(40):
+        truth, directions, _ = planted(15, 0.0, seed)
+        larger = CAMERA.model_copy(update={"focal_length_px": 6000.0 * 1.002})
+        xy = larger.project(directions @ truth.T) + np.random.default_rng(seed).normal(0, 0.1, (15, 2))
+        found = fit_orientation(CAMERA, truth, directions, xy, np.full(15, 0.1))
+        solved = focal_length_factor(CAMERA, found, directions, xy, np.full(15, 0.1))
+        assert solved is not None
+        z.append((solved[0] - 1.002) / solved[1])
+    assert np.sqrt(np.mean(np.square(z))) < 1.3
+    assert focal_length_factor(CAMERA, found, directions[:5], xy[:5], np.full(5, 0.1)) is None
 
 
 def test_every_part_of_the_sky_keeps_as_many_of_its_brightest_stars() -> None:

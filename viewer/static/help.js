@@ -117,7 +117,7 @@ export class Help {
   }
 
   compare(before, after) {
-    const table = this.of("before-after"), text = (value) => JSON.stringify(value ?? null, (_, each) => typeof each === "number" ? Number(each.toPrecision(6)) : each).replaceAll('"', "");
+    const table = this.of("before-after"), text = (value) => JSON.stringify(value ?? null, (_, each) => typeof each === "number" ? Number(each.toPrecision(6)) : each).replaceAll('"', "").replaceAll(",", ", ");
     table.tBodies[0].replaceChildren(...COMPARED.map((name) => {
       const row = document.createElement("tr"), head = document.createElement("th");
       head.textContent = name;

@@ -65,9 +65,18 @@ async function choose(product, place = undefined) {
   await show(page);
   state.place = place ?? await backend.place(product, table.asked);
   table.select(state.place, product);
+  if (state.about.other) await showOther(page, product);
   plot.selected = product;
   if (!of("plots-view").hidden) plot.draw();
   history.replaceState(null, "", `#${encodeURIComponent(product)}`);
+}
+
+// What the other store says of the same image.
+async function showOther(page, product) {
+  const other = await backend.product(product, 1).catch(() => null);
+  if (!other || state.page !== page) return;
+  page.other = other.result;
+  showSide(page, page.row);
 }
 
 async function show(page, keepView = false) {
@@ -268,6 +277,7 @@ guarded(async () => {
     return label;
   }));
   listSaved();
+  if (state.about.other) [picture.other, picture.otherSide] = ["image", 1];
   await ask("");
   const wanted = decodeURIComponent(location.hash.slice(1)), first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
   if (first) await choose(first, wanted ? undefined : 0);

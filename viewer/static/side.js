@@ -15,16 +15,18 @@ export function showSide(page, row) {
   of("product-name").textContent = page.product;
   of("verdict").replaceChildren(marked(row.status ?? result.status ?? "unknown"), row.review ? " " : "", row.review ? marked(row.review) : "");
   of("reason").textContent = row.reason ?? "";
-  const rows = VALUES.map(([name, key, digits]) => [name, result[key] ?? row[key], result.uncertainty?.[key], digits]).filter(([, value]) => value !== null && value !== undefined);
+  const rows = VALUES.map(([name, key, digits]) => [name, result[key] ?? row[key], result.uncertainty?.[key], digits, key]).filter(([, value]) => value !== null && value !== undefined);
   if (result.similarity?.after !== undefined && result.similarity?.after !== null) rows.push(["similarity", `${figure(result.similarity.before, 3)} → ${figure(result.similarity.after, 3)}`]);
   if (result.orientation?.markings) rows.push(["orientation", result.orientation.markings]);
   for (const [name, value] of Object.entries(result.guidance ?? {})) if (value !== null && String(value) !== "") rows.push([name.replaceAll("_", " "), value]);
   for (const text of result.warnings ?? []) rows.push(["warning", text]);
-  of("values").tBodies[0].replaceChildren(...rows.map(([name, value, sigma, digits]) => {
+  of("values").tBodies[0].replaceChildren(...rows.map(([name, value, sigma, digits, key]) => {
     const line = document.createElement("tr"), head = document.createElement("th");
     head.textContent = name;
     line.append(head);
-    line.insertCell().textContent = list(value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "");
+    const second = page.other?.[key];
+    const differs = second !== undefined && second !== null && String(second) !== String(value) ? `\nother: ${list(second, digits)}` : "";
+    line.insertCell().textContent = list(value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs;
     return line;
   }));
   of("decisions").replaceChildren(...(page.decisions ?? []).map((decision) => {

@@ -2,8 +2,8 @@
 import { backend } from "./api.js";
 
 const ROW_PX = 26, PAGE = 100;
-const WIDTHS = { product: 150, status: 74, reason: 420, camera: 130, utc: 150, note: 180, review: 74 };
-const SHOWN = ["product", "status", "review", "sigma_px", "limb_rms_px", "offset_px", "camera", "phase_deg", "radius_px", "utc", "reason"];
+const WIDTHS = { product: 134, status: 68, reason: 420, camera: 130, utc: 150, note: 180, review: 74 };
+const SHOWN = ["product", "status", "sigma_px", "limb_rms_px", "review", "offset_px", "camera", "phase_deg", "radius_px", "utc", "reason"];
 const HEADINGS = { sigma_px: "σ, px", limb_rms_px: "limb rms, px", offset_px: "offset, px", phase_deg: "phase", radius_px: "radius, px", status: "verdict", range_factor: "range x" };
 const BARS = { sigma_px: [0.001, 10], limb_rms_px: [0.01, 10] };  // ends of the logarithmic bars, px
 
@@ -51,7 +51,7 @@ export class Table {
     }));
   }
 
-  width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in BARS ? 118 : 88); }
+  width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in BARS ? 104 : 88); }
 
   // Another filter or order. Throws what is wrong with it.
   async ask(asked) {
@@ -166,7 +166,7 @@ function bar(value, [low, high]) {
   svg.setAttribute("aria-hidden", "true");
   for (const [name, at] of [["width", 44 * share], ["height", 9], ["fill", share > 0.67 ? "#e69f00" : "#56b4e9"]]) rect.setAttribute(name, at);
   svg.append(rect);
-  svg.style.float = "left";
+  svg.style.cssFloat = "left";
   svg.style.marginTop = "6px";
   return svg;
 }

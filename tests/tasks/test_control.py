@@ -1,0 +1,264 @@
+"""Control: planted errors of poses are found from ties between images, false ties are not believed, files are read."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from catalog.camera import Camera
+from catalog.errors import FailedError, PlanetposeError, RefusedError, WrongOptionError
+from catalog.pose import read_pose_file
+from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
+from catalog.target import find_target
+from flows.cli import build_app
+from lab.simulate.albedo_store import paper_views, write_albedo_store
+from tasks.control.bundle import adjust_bundle
+from tasks.control.files import NET, write_control
+from tasks.control.matching import match_patches
+from tasks.control.patches import places_on
+from tasks.control.settings import ControlSettings
+from tasks.control.store import control_report, control_store
+from tasks.control.ties import Ties
+from tasks.project.points import pixels_of_points, visible
+
+VIEWS = ("LOR_0034823099", "LOR_0034849319", "LOR_0034866659", "C1634216", "C1635707", "C2062524")
+EUROPA = find_target("europa")
+
+
+def textured(seed: int = 2):
+    """An albedo with features of 2 to 8 degrees."""
+    import cv2
+
+    from catalog.basemap import BaseMap
+
+    rng = np.random.default_rng(seed)
+    field = sum(cv2.GaussianBlur(rng.standard_normal((512, 1024)), (0, 0), s) * s for s in (3, 8))
+    return BaseMap("textured", (1 + 0.15 * field / field.std()).clip(0.2).astype(np.float32), 0.0, "planted")
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("control") / "store"
+    chosen = [view for view in paper_views() if view.product in VIEWS]
+    assert len(chosen) == len(VIEWS)
+    stated = {"offset_px": [0.03, 0.03], "range_factor": 1e-4, "roll_deg": 0.01, "attitude_deg": [0.08] * 3}
+    planted = write_albedo_store(
+        folder, chosen, textured(), noise=0.004, attitude_error_deg=0.08, stated=stated, subpixels_across=400
+    )
+    return folder, planted, {view.product: view.pose for view in chosen}
+
+
+@pytest.fixture(scope="module")
+def control(store):
+    return control_store(store[0], ControlSettings(points=700))
+
+
+def across_deg(pose, true) -> float:
+    """Error of the body's orientation across the line of sight, RMS of two axes."""
+    turn = vector_deg_from_rotation((pose.body_from_j2000 @ true.body_from_j2000.T).T)
+    sight = true.spacecraft_in_body_km / true.range_km
+    return float(np.linalg.norm(turn - sight * (turn @ sight)) / np.sqrt(2))
+
+
+def test_attitudes_agree_after_the_adjustment_and_state_their_errors(store, control) -> None:
+    before = np.array([across_deg(view.pose, store[2][view.product]) for view in control.views])
+    poses = zip(control.bundle.poses, control.views, strict=True)
+    after = np.array([across_deg(pose, store[2][view.product]) for pose, view in poses])
+    stated = np.sqrt(np.einsum("kii->k", control.bundle.covariance[:, 4:, 4:]) / 3)
+    report = control_report(control)
+    print(f"\nacross {_rms(before):.3f} -> {_rms(after):.3f} deg, stated {_rms(stated):.3f}; {report['rms_px']:.3f} px")
+    assert report["rms_px"] < 0.3
+    assert report["points_used"] > 100
+    assert _rms(after) < 0.75 * _rms(before)
+    assert _rms(after) < 2 * _rms(stated)
+
+
+def _rms(values) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def test_files_hold_the_network_and_poses_that_are_read_again(control, tmp_path) -> None:
+    paths = write_control(control, tmp_path)
+    assert all(path.is_file() for path in paths)
+    for view, pose in zip(control.views, control.bundle.poses, strict=True):
+        found = read_pose_file(tmp_path / f"{view.product}.pose.json").completed()
+        assert np.array_equal(found.body_from_j2000, pose.body_from_j2000)
+    label, header, points = read_net((tmp_path / NET).read_bytes())
+    assert label["TargetName"] == "Europa"
+    assert header[2] == [b"Europa"]
+    assert int(label["NumberOfPoints"]) == len(points) == len(control.ties.points)
+    measures = [field(measure) for point in points for measure in point[24]]
+    assert int(label["NumberOfMeasures"]) == len(measures) == len(control.ties.image)
+    first = points[0]
+    assert first[1] == [b"pp000000"]
+    adjusted = [struct.unpack("<d", first[k][0])[0] for k in (20, 21, 22)]
+    assert adjusted == pytest.approx(1e3 * control.bundle.points[0])
+    of_first = [field(measure) for measure in first[24]]
+    mine = np.flatnonzero(control.ties.point == 0)
+    mine = mine[np.argsort(control.ties.image[mine])]
+    places = [[struct.unpack("<d", m[k][0])[0] for k in (3, 4)] for m in of_first]
+    assert places == pytest.approx(control.ties.xy_px[mine] + 1)
+    assert of_first[first[8][0]][1] == [control.views[control.ties.image[mine[first[8][0]]]].product.encode()]
+
+
+def read_net(content: bytes):
+    """Label, header fields and points of a version 5 network, by the wire format of Protocol Buffers."""
+    text = content[:65536].rstrip(b"\0").decode()
+    label = dict(line.strip().replace('"', "").split(" = ", 1) for line in text.splitlines() if " = " in line)
+    label = {key.strip(): value.strip() for key, value in label.items()}
+    start, size = int(label["HeaderStartByte"]), int(label["HeaderBytes"])
+    assert int(label["PointsStartByte"]) == start + size
+    at, points = start + size, []
+    while at < len(content):
+        (length,) = struct.unpack_from("<i", content, at)
+        points.append(field(content[at + 4 : at + 4 + length]))
+        at += 4 + length
+    assert at == start + size + int(label["PointsBytes"])
+    return label, field(content[start : start + size]), points
+
+
+def field(message: bytes) -> dict:
+    """Values of a message by their field's number."""
+    at, found = 0, {}
+
+    def varint() -> int:
+        nonlocal at
+        value, shift = 0, 0
+        while True:
+            byte = message[at]
+            at += 1
+            value |= (byte & 0x7F) << shift
+            shift += 7
+            if byte < 0x80:
+                return value
+
+    while at < len(message):
+        key = varint()
+        if key & 7 == 0:
+            value = varint()
+        elif key & 7 == 1:
+            value, at = message[at : at + 8], at + 8
+        else:
+            length = varint()
+            value, at = message[at : at + length], at + length
+        found.setdefault(key >> 3, []).append(value)
+    return found
+
+
+def made_network(images: int, per_image: int, rng, noise_px: float = 0.1, false: float = 0.0, turned: float = 0.08):
+    """Cameras around Europa, ties of exactly known points with noise; poses that are wrong, and the true ones."""
+    camera = Camera(name="made", size_px=(400, 400), centre_px=(199.5, 199.5), focal_length_px=2e4)
+    places = places_on(EUROPA, max(images * per_image // 6, 60)).points
+    true, wrong, image, point, xy = [], [], [], [], []
+    from catalog.pose import Pose
+
+    for k in range(images):
+        longitude, latitude = rng.uniform(-180, 180), rng.uniform(-25, 25)
+        from scipy.spatial.transform import Rotation
+
+        body = Rotation.from_euler("ZYX", [90 + longitude, 0, 90 + latitude], degrees=True).as_matrix()
+        pose = Pose(float(k), np.eye(3), np.array([0.0, 0.0, 2e5]), np.array([1e8, 0.0, -7e8]), body)
+        shown = np.flatnonzero(visible(pose, EUROPA, places))
+        shown = rng.permutation(shown)[:per_image]
+        true.append(pose)
+        wrong.append(pose.replaced(body_from_j2000=rotation_from_vector_deg(rng.normal(0, turned, 3)) @ body))
+        image += [k] * len(shown)
+        point += shown.tolist()
+        xy.append(pixels_of_points(pose, camera, places[shown]) + rng.normal(0, noise_px, (len(shown), 2)))
+    xy_px = np.concatenate(xy)
+    bad = rng.uniform(size=len(xy_px)) < false
+    xy_px[bad] += rng.uniform(1.5, 6, (bad.sum(), 2)) * rng.choice([-1, 1], (bad.sum(), 2))
+    n = len(xy_px)
+    ties = Ties(
+        places, np.array(image), np.array(point), xy_px, np.tile(noise_px**2 * np.eye(2), (n, 1, 1)), np.ones(n),
+        np.zeros(n, bool), np.ones(n),
+    )  # fmt: skip
+    count = np.bincount(ties.point, minlength=len(places))
+    bad = bad[(count >= 2)[ties.point]]
+    ties = ties.part(np.ones(n, bool))
+    prior = np.diag(np.square([0.02, 0.02, 1e-5, 0.005, turned, turned, turned]))
+    return true, wrong, [camera] * images, ties, np.tile(prior, (images, 1, 1)), bad
+
+
+def test_false_ties_are_rejected_and_true_ones_kept() -> None:
+    true, wrong, cameras, ties, priors, bad = made_network(12, 60, np.random.default_rng(1), false=0.1)
+    bundle = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
+    lonely = np.bincount(ties.point[~bad], minlength=len(ties.points))[ties.point] < 2
+    assert bad.sum() > 30
+    assert np.mean(~bundle.used[bad]) > 0.95
+    assert np.mean(bundle.used[~bad & ~lonely]) > 0.95
+    after = [across_deg(pose, t) for pose, t in zip(bundle.poses, true, strict=True)]
+    assert _rms(after) < 0.5 * _rms([across_deg(pose, t) for pose, t in zip(wrong, true, strict=True)])
+
+
+@pytest.mark.parametrize("free_radius", [False, True])
+def test_the_stated_covariance_is_that_of_repeated_adjustments(free_radius: bool) -> None:
+    pulls = []
+    for seed in range(8):
+        true, wrong, cameras, ties, priors, _ = made_network(8, 60, np.random.default_rng(seed))
+        settings = ControlSettings(free_radius=free_radius)
+        bundle = adjust_bundle(wrong, cameras, EUROPA, ties, priors, settings)
+        for pose, t, covariance in zip(bundle.poses, true, bundle.covariance, strict=True):
+            turn = vector_deg_from_rotation((pose.body_from_j2000 @ t.body_from_j2000.T).T)
+            pulls.append(turn @ np.linalg.solve(covariance[4:, 4:], turn))
+    assert 2.0 < np.mean(pulls) < 4.5  # chi-square of three
+
+
+def test_sparse_and_dense_factors_agree(monkeypatch) -> None:
+    _, wrong, cameras, ties, priors, _ = made_network(8, 40, np.random.default_rng(3))
+    dense = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
+    monkeypatch.setattr("tasks.control.reduced.DENSE", 0)
+    sparse = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
+    assert sparse.moves == pytest.approx(dense.moves, abs=1e-8)
+    assert sparse.covariance == pytest.approx(dense.covariance, rel=1e-6, abs=1e-12)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (1.3, -0.6), (-2.45, 2.2)])
+@pytest.mark.parametrize(("gain", "slope"), [(1.0, 0.0), (1.7, 0.4)])
+def test_patches_are_matched_to_a_small_part_of_a_pixel_under_other_light(shift, gain: float, slope: float) -> None:
+    import cv2
+
+    rng = np.random.default_rng(4)
+    ground = 1 + 0.1 * cv2.GaussianBlur(rng.standard_normal((320, 320)), (0, 0), 16) * 16
+    y, x = np.indices((29, 29), np.float32) * 8 + 44
+
+    def seen(dx: float, dy: float, side: int):
+        half = (side - 1) // 2
+        rows, columns = (np.indices((side, side), np.float32) - half) * 8
+        wide = cv2.GaussianBlur(ground, (0, 0), 5)
+        return cv2.remap(wide, columns + 160 - 8 * dx, rows + 160 - 8 * dy, cv2.INTER_CUBIC).astype(np.float64)
+
+    del x, y
+    second = gain * seen(*shift, 29) * np.exp(slope * np.linspace(-1, 1, 29))[None, :]
+    found = match_patches(seen(0, 0, 21)[None], second[None], 4)
+    assert found.good.all()
+    assert found.shift[0] == pytest.approx(shift, abs=0.05)
+    assert found.correlation[0] > 0.97
+
+
+def test_what_cannot_be_tied_is_refused(store, tmp_path) -> None:
+    for wrong in ({"law": "x"}, {"patch_px": 8}):
+        with pytest.raises(WrongOptionError):
+            ControlSettings(**wrong)
+    with pytest.raises(RefusedError, match="ties need two"):
+        control_store(store[0] / VIEWS[0], ControlSettings())
+    with pytest.raises(FailedError, match="no ground that two images show matches"):
+        control_store(store[0], ControlSettings(points=20, least_correlation=0.999999))
+    assert issubclass(FailedError, PlanetposeError)
+
+
+def test_the_command_writes_what_it_names(store, tmp_path, monkeypatch) -> None:
+    import contextlib
+    import sys
+
+    monkeypatch.setattr("flows.cli.output.clean_stdout", lambda: contextlib.nullcontext(sys.stdout))
+    command = ["control", str(store[0]), "--points", "200", "--kernels", "--json", "--out", str(tmp_path / "c")]
+    done = CliRunner().invoke(build_app(), command)
+    assert done.exit_code == 0, done.output
+    report = json.loads(next(line for line in done.stdout.splitlines() if line.startswith("{")))
+    assert report["images"] == len(VIEWS)
+    assert {"control.net", "control.json", "images.csv", "points.csv"} <= {p.name for p in (tmp_path / "c").iterdir()}
+    assert len(list((tmp_path / "c" / "kernels").rglob("*_alone.tm"))) == 3
+    assert CliRunner().invoke(build_app(), [*command, "--law", "x"]).exit_code == 2
