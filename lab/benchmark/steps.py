@@ -16,6 +16,7 @@ import numpy as np
 from catalog.basemap import map_of_target
 from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.settings import data_folder
@@ -102,7 +103,7 @@ def real_image(folder: Path, name: str) -> dict[str, Any]:
     """The same for a real image. Raises RefusedError where its file is not there."""
     real, data = REAL_IMAGES[REAL[name]], data_folder()
     if data is None or not (data / "images" / real.file).is_file():
-        raise RefusedError("no-data", f"{NO_DATA}.", f"Or measure another: {', '.join(DISKS)}.")
+        raise RefusedError(Reason.NO_IMAGES, f"{NO_DATA}.", f"Or measure another: {', '.join(DISKS)}.")
     given: dict[str, Any] = {"image": data / "images" / real.file, "target": real.target}
     given["kernels"] = (data / "kernels",) if real.kernels else ()
     if parts := real.pose_parts():

@@ -22,7 +22,7 @@ NUMERICS = {
     "limb_observation.py": {"OBSERVED"},
     "gauss_newton.py": {"SHARES", "FIXED"},
     "derivatives.py": {"PSF_STEP"},
-    "smear.py": {"LINE_POINTS", "STEP_PX"},
+    "smear.py": {"STEP_PX"},
     "outline.py": {"SAMPLES", "LIMB_POINTS", "DIRECTIONS"},
     "contradiction.py": {"MOST"},
     "linearity.py": {"FREE"},
