@@ -165,7 +165,8 @@ def finish(run: Run) -> dict[str, Any]:
 
 def parameters_of(options: ReprocessOptions) -> dict[str, Any]:
     """The options as plain JSON, with the kernels that this shell's environment stands for: another one has others."""
-    kernels = [str(absolute(path)) for path in options.kernels or default_kernels()]
+    chosen = default_kernels() if options.kernels is None else options.kernels
+    kernels = [str(absolute(path)) for path in chosen]
     return options.model_dump(mode="json", exclude={"dry_run"}) | {"kernels": kernels}
 
 

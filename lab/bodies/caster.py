@@ -109,9 +109,18 @@ def covered_sun(points_km: Array, globe: Globe, globes: Sequence[Globe], sun_km:
     covers = np.stack([lost(points, place, casters, ()) for place in few])
     covered = covers.mean(axis=0)
     partly = np.ptp(covers, axis=0) > 1e-3
+    if any(smaller_than_sun(other, globe, sun_km) for other in casters):
+        partly[:] = True
     if partly.any():
         covered[partly] = np.mean([lost(points[partly], place, casters, ()) for place in disk], axis=0)
     return np.asarray(1 - through * (1 - covered))
+
+
+def smaller_than_sun(other: Globe, globe: Globe, sun_km: Array) -> bool:
+    """Whether another solid, seen from a globe, may be smaller than the Sun."""
+    away = float(np.linalg.norm(other.solid.centre_km - globe.solid.centre_km))
+    sun = SUN_RADIUS_KM / float(np.linalg.norm(sun_km - globe.solid.centre_km))
+    return bool(other.solid.radii_km.min() / away < 1.5 * sun)
 
 
 def lost(points: Array, place: Array, casters: Sequence[Globe], rings: Sequence[Globe]) -> Array:

@@ -27,6 +27,7 @@ SPAN_RADII, INCIDENCE_DEG, LEAST_EMISSION_COSINE = (0.12, 1.0), (15.0, 75.0), 0.
 OFFSET_PX, ROLL_DEG, RANGE_SHARE = (5.0, 150.0), 1.0, 0.003
 SUN_KM = 7.4e8
 BRIGHT_DN, SKY_DN, GAIN = 3000.0, 20.0, 4.0
+RAYS_PER_MAP_PIXEL = 4
 TRIES, TRIES_EACH = 1000, 50
 
 
@@ -119,6 +120,13 @@ def mistaken(random: np.random.Generator, true: Pose, camera: Camera, target: Ta
     return farther.replaced(camera_from_j2000=roll @ turn @ true.camera_from_j2000)
 
 
+def pixel_km(scene: CloseUp) -> float:
+    """Kilometres per pixel in the middle of the frame."""
+    point = body_points(scene.true, scene.camera, scene.target, scene.camera.centre_px)
+    away = np.linalg.norm(point - scene.true.spacecraft_in_body_km)
+    return float(away / scene.camera.focal_length_px)
+
+
 def photographed(scene: CloseUp, texture: NDArray[np.float32]) -> Observation:
     """The frame as its camera takes it of a surface, with blur and noise."""
     import cv2
@@ -132,9 +140,14 @@ def photographed(scene: CloseUp, texture: NDArray[np.float32]) -> Observation:
         LAWS[scene.law],
         texture,
     )
-    # A pixel of the map is several pixels of such a frame: one ray each is enough.
-    view = View(true.camera_from_j2000, camera.focal_length_px, camera.centre_px, 0, 0, nx, ny, 1)
+    # A pixel of the map is many pixels of such a frame: a ray for each quarter of it, and between them a cubic.
+    step = max(1, int(np.pi * scene.target.mean_radius_km / len(texture) / pixel_km(scene) / RAYS_PER_MAP_PIXEL))
+    centre = (camera.centre_px[0] / step, camera.centre_px[1] / step)
+    columns, rows = (-(-size // step) + 1 for size in (nx, ny))
+    view = View(true.camera_from_j2000, camera.focal_length_px / step, centre, 0, 0, columns, rows, 1)
     light = render(view, [solid], true.sun_from_target_km)
+    x, y = np.meshgrid(np.arange(nx, dtype=np.float32) / step, np.arange(ny, dtype=np.float32) / step)
+    light = np.maximum(cv2.remap(light, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE), 0)
     light = cv2.GaussianBlur(light, (0, 0), max(camera.psf_sigma_px, 0.5))
     random = np.random.default_rng([75, scene.seed])
     read = float(random.uniform(5.0, 30.0))

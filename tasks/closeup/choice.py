@@ -23,7 +23,7 @@ def is_close_up(pose: Pose, camera: Camera, target: Target, settings: CloseUpSet
     distance = float(np.hypot(*away))
     nearest = centre + away * min(1.0, settings.reach_px / max(distance, 1e-9))
     share, cover = shares(nearest, disk_radius_px(pose, camera, target), camera)
-    return share < settings.share and cover > LEAST_COVER
+    return bool(share < settings.share and cover > LEAST_COVER)
 
 
 def shares(centre: np.ndarray, radius_px: float, camera: Camera) -> tuple[float, float]:

@@ -25,7 +25,7 @@ Progress = Callable[[str, int, str], None]
 
 # The refinement works on frames of no more pixels across.
 LARGEST_PX = 1024
-NOT_TOLD_APART = "without a limb a turn of the body cannot be told from one of the camera"
+AMBIGUOUS = "without a limb a turn of the body cannot be told from one of the camera"
 
 
 def find_close_up(
@@ -134,7 +134,7 @@ def corrected(
         "verdict": "matched" if sure else "undetermined",
         "correlation": None,
         "sigmas": figures["sigmas"],
-        "kept": NOT_TOLD_APART if best.limb is None else None,
+        "kept": AMBIGUOUS if best.limb is None else None,
     }
     changed: dict[str, Any] = {"offset_px": step[:2].tolist(), "range_factor": range_factor, "roll_deg": float(step[3])}
     changed["attitude_deg"] = None if best.limb is None else step[ATTITUDE].tolist()

@@ -18,6 +18,7 @@ HUBER = 2.0
 ROUNDS = 30
 LEAST_CURVATURE = 1e-3
 HELD = 1e-9
+SUREST = 0.99
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ def peaks_of(surfaces: Surfaces) -> Peaks:
         place = np.array([x, y]) + np.clip(inverse @ slope, -1, 1) - surfaces.reach_px
         index.append(i)
         moved.append(-place)
-        covariances.append((1 - height**2) / height * inverse)
+        surest = min(height, SUREST)  # a perfect match of a small patch is no perfect measurement
+        covariances.append((1 - surest**2) / surest * inverse)
     n = len(index)
     return Peaks(
         np.array(index, np.int64), np.array(moved).reshape(n, 2), np.array(covariances, np.float64).reshape(n, 2, 2)

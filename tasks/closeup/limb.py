@@ -20,8 +20,8 @@ Array = NDArray[np.float64]
 EDGES = LimbSettings()
 # Edges farther from the others than so many of their robust sigmas are another's.
 OUTLIER_SIGMAS = 3.0
-# What relief, distortion and photometry do to an arc as a whole, px of the frame, 1-sigma (unmodelled distortion of
-# cameras alone is 0.1 to 0.3 px): a short arc must not be taken for better evidence of the centre than it is.
+# What distortion and photometry do, beside relief, to an arc as a whole, px of the frame, 1-sigma (unmodelled
+# distortion of cameras alone is 0.1 to 0.3 px): a short arc must not be taken for better evidence than it is.
 SHAPE_PX = 0.2
 MARGIN_PX = EDGES.half_px + 8.0
 
@@ -75,15 +75,23 @@ def limb_arc(level: Level, pose: Pose, anchor: Anchor) -> LimbArc | None:
         design[:, unknown] = (normal @ centre + reach * np.log(radii[0] / radii[1])) / apart
     left, angle = shift - shift.mean(), directions_deg(away)
     together = float(np.mean(left**2)) * shared_along(left, angle)
-    return LimbArc(design, shift, weighted(design, max(together, EDGE_PX**2 * segments_per_arc(angle)), away, level.n))
+    variance = max(together, EDGE_PX**2 * segments_per_arc(angle))
+    return LimbArc(design, shift, weighted(design, variance, away, shape_px(level, pose)))
 
 
-def weighted(design: Array, variance: float, away_px: Array, n: int) -> Array:
+def shape_px(level: Level, pose: Pose) -> float:
+    """By how much an arc as a whole may be shifted, tilted or bent, px of the level, 1-sigma."""
+    target, scene = level.scene.target, level.scene
+    relief = target.expected_relief_km / target.mean_radius_km * disk_radius_px(pose, scene.camera, target)
+    return float(np.hypot(SHAPE_PX / level.n, relief))
+
+
+def weighted(design: Array, variance: float, away_px: Array, shape_px: float) -> Array:
     """The design (m, 7) times the inverse covariance of its edges: `variance` px^2 of each, so that those which err
-    together count as one, and a common offset, slope and curvature along the arc, of SHAPE_PX of the frame each."""
+    together count as one, and a common offset, slope and curvature along the arc, of shape_px each."""
     mean = away_px.mean(axis=0)
     along = away_px @ np.array([-mean[1], mean[0]]) / np.linalg.norm(mean)
     along = (along - along.mean()) / max(float(np.ptp(along)) / 2, 1e-9)
-    shape = SHAPE_PX / n * np.stack([np.ones_like(along), along, 1.5 * along**2 - 0.5], axis=1)
+    shape = shape_px * np.stack([np.ones_like(along), along, 1.5 * along**2 - 0.5], axis=1)
     inner = np.linalg.inv(np.eye(shape.shape[1]) + shape.T @ shape / variance)
     return np.asarray((design - shape @ (inner @ (shape.T @ design)) / variance) / variance)

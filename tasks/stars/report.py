@@ -136,6 +136,8 @@ def matches(field: StarField, found: StarImage) -> list[Json]:
 
 def as_text(content: Json) -> str:
     """The same for people."""
+    if "camera" not in content:
+        return f"{content['image']}: {content['reason']}"
     if not content["stars"]:
         return f"{content['image']}: no stars identified: {content['reason']}"
     head = f"{content['image']}: {content['camera']}"

@@ -165,3 +165,4 @@ def test_a_run_remembers_the_kernels_of_its_shell(tmp_path: Path, monkeypatch: p
     monkeypatch.setenv("PLANETPOSE_KERNELS", str(tmp_path / "others"))
     again = requests_of_list(ReprocessOptions(**parameters))[0]
     assert again.kernel_paths == [tmp_path / "kernels"]
+    assert parameters_of(options.model_copy(update={"kernels": ()}))["kernels"] == []  # none is a choice, too
