@@ -1,9 +1,7 @@
 """What the commands on lists and stores do: each shows a row per product or file as soon as it is known. The command
 line prints the rows, the Prefect flows of the same names log them."""
 
-from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -20,31 +18,11 @@ from flows.options import (
     PhotometryOptions,
     ReportOptions,
 )
+from flows.rows import Row, Show, refuse_unknown
 from flows.star_options import AstrometryOptions, StarsOptions
 
 if TYPE_CHECKING:
     from catalog.fetch import Item
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of an answer. text: for people, None where it is none; content: the same as JSON. good: whether all is
-    well with it. minor: not shown when the command is to be quiet; aside: a note, for stderr and the log."""
-
-    text: str | None
-    content: dict[str, Any] | None = None
-    good: bool = True
-    minor: bool = False
-    aside: bool = False
-
-
-Show = Callable[[Row], None]
-
-
-def refuse_unknown(option: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
-    """Raises WrongOptionError for names that are not known."""
-    if unknown := [name for name in given if name not in known]:
-        raise WrongOptionError(option, f"there is no {', '.join(unknown)}.", f"Known are {', '.join(known)}.")
 
 
 def dask_client(address: str | None) -> AbstractContextManager[Any]:

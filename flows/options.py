@@ -6,44 +6,17 @@ See `flows.image_options` for what their fields have. Nothing heavy is imported 
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator
 
 from catalog.settings import DEFAULT_PROFILE, cache_folder
 from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
+from flows.option_types import Absolute, Folder, NameOrFile, OneStore, Paths, Store, absolute, comma_list
 
 BOOKS = ".reprocess"  # hidden: no product is called so, and the store's index passes it over
 
 
-def comma_list(given: Any) -> Any:
-    """`a, b` as a list."""
-    return [part.strip() for part in given.split(",")] if isinstance(given, str) else given
-
-
-def absolute(path: Path) -> Path:
-    """The path that means the same in every process."""
-    return path.expanduser().absolute()
-
-
-def name_or_file(text: str) -> str:
-    """A name of the catalog as it is, a file with its absolute path."""
-    return str(Path(text).absolute()) if Path(text).is_file() else text
-
-
-def folder_of_products(path: Path) -> Path:
-    """The path as it is. Raises ValueError for the address of an object store, which is no folder."""
-    if str(path).startswith("s3:/"):
-        raise ValueError("an object store is not read here; give the folder that it was published from, or a copy.")
-    return path
-
-
-Absolute = Annotated[Path, AfterValidator(absolute)]
-Folder = Annotated[Path, AfterValidator(folder_of_products)]
-NameOrFile = Annotated[str, AfterValidator(name_or_file)]
-Paths = Annotated[tuple[Folder, ...], Cli(argument=True), Field(description="Products' folders, or stores.")]
-OneStore = Annotated[Folder, Cli(argument=True, folder=True)]
-Store = Annotated[str, Field(description="Folder that products are published in, or s3://bucket/prefix.")]
 LATITUDES, LONGITUDES = (-90.0, 90.0), (0.0, 360.0)
 
 
