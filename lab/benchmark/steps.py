@@ -16,8 +16,8 @@ import numpy as np
 from catalog.basemap import map_of_target
 from catalog.camera import Camera, find_camera
 from catalog.errors import RefusedError
-from catalog.reasons import Reason
 from catalog.pose import Pose, write_pose_file
+from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg
 from catalog.settings import data_folder
 from catalog.target import Target, find_target
