@@ -1,6 +1,7 @@
 """ISIS control networks (.net, version 5): a PVL label, a header and the points, as Protocol Buffers messages.
 
-Fields and their numbers are those of ISIS' ControlNetFileHeaderV0005.proto and ControlPointFileEntryV0002.proto.
+Fields and their numbers are those of ISIS' ControlNetFileHeaderV0005.proto and ControlPointFileEntryV0005.proto, as
+USGS' plio has them.
 """
 
 import struct
@@ -53,6 +54,7 @@ def write_isis_net(path: Path, network: str, target: str, when: str, user: str, 
     description = "Tie points between images, adjusted by planetpose"
     texts = (network, target, when, when, description, user)
     header = b"".join(_text(number, text) for number, text in enumerate(texts, start=1))
+    header += _number(7, len(points))
     body = b"".join(struct.pack("<i", len(message)) + message for message in map(_point_message, points))
     measures = sum(len(point.measures) for point in points)
     label = _label(len(header), len(body), texts, len(points), measures)
@@ -81,7 +83,7 @@ def _point_message(point: Point) -> bytes:
     parts += [_double(16 + k, value) for k, value in enumerate(point.a_priori_m)]
     parts += [_double(20 + k, value) for k, value in enumerate(point.adjusted_m)]
     parts.append(_packed(23, point.adjusted_covariance))
-    parts += [_message(24, _measure_message(measure)) for measure in point.measures]
+    parts += [_message(25, _measure_message(measure)) for measure in point.measures]
     return b"".join(parts)
 
 

@@ -5,6 +5,7 @@ import struct
 
 import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
 from typer.testing import CliRunner
 
 from catalog.camera import Camera
@@ -86,65 +87,99 @@ def test_files_hold_the_network_and_poses_that_are_read_again(control, tmp_path)
         found = read_pose_file(tmp_path / f"{view.product}.pose.json").completed()
         assert np.array_equal(found.body_from_j2000, pose.body_from_j2000)
     label, header, points = read_net((tmp_path / NET).read_bytes())
-    assert label["TargetName"] == "Europa"
-    assert header[2] == [b"Europa"]
-    assert int(label["NumberOfPoints"]) == len(points) == len(control.ties.points)
-    measures = [field(measure) for point in points for measure in point[24]]
-    assert int(label["NumberOfMeasures"]) == len(measures) == len(control.ties.image)
+    assert label["TargetName"] == header.targetName == "Europa"
+    assert int(label["NumberOfPoints"]) == header.numPoints == len(points) == len(control.ties.points)
+    assert int(label["NumberOfMeasures"]) == sum(len(point.measures) for point in points) == len(control.ties.image)
     first = points[0]
-    assert first[1] == [b"pp000000"]
-    adjusted = [struct.unpack("<d", first[k][0])[0] for k in (20, 21, 22)]
+    assert (first.id, first.type) == ("pp000000", 2)
+    adjusted = [first.adjustedX, first.adjustedY, first.adjustedZ]
     assert adjusted == pytest.approx(1e3 * control.bundle.points[0])
-    of_first = [field(measure) for measure in first[24]]
+    assert len(first.adjustedCovar) == 6
     mine = np.flatnonzero(control.ties.point == 0)
     mine = mine[np.argsort(control.ties.image[mine])]
-    places = [[struct.unpack("<d", m[k][0])[0] for k in (3, 4)] for m in of_first]
+    places = [[measure.sample, measure.line] for measure in first.measures]
     assert places == pytest.approx(control.ties.xy_px[mine] + 1)
-    assert of_first[first[8][0]][1] == [control.views[control.ties.image[mine[first[8][0]]]].product.encode()]
+    reference = control.views[control.ties.image[mine[first.referenceIndex]]]
+    assert first.measures[first.referenceIndex].serialnumber == reference.product
+
+
+def message_type(name: str, fields: dict[int, tuple[str, str]], nested=None):
+    """A class of Google's protobuf for the fields (number: name, type) of one of ISIS' messages; `*` marks repeated
+    ones, `=` those that are packed."""
+    file = descriptor_pb2.FileDescriptorProto(name=f"{name}.proto", package="Isis", syntax="proto2")
+    message = file.message_type.add(name=name)
+    for into, listed in ((message, fields), *([(message.nested_type.add(name="Measure"), nested)] if nested else [])):
+        for number, (field, kind) in listed.items():
+            made = into.field.add(name=field, number=number, label=3 if kind[0] in "*=" else 1)
+            made.type = {"text": 9, "int": 5, "bool": 8, "double": 1, "message": 11}[kind.lstrip("*=")]
+            made.options.packed = kind[0] == "="
+            if made.type == 11:
+                made.type_name = f".Isis.{name}.Measure"
+    pool = descriptor_pool.DescriptorPool()
+    pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(f"Isis.{name}"))
+
+
+# ControlNetFileHeaderV0005.proto and ControlPointFileEntryV0005.proto of ISIS (enumerations as int), of what is used.
+HEADER_FIELDS = {
+    1: ("networkId", "text"),
+    2: ("targetName", "text"),
+    3: ("created", "text"),
+    4: ("lastModified", "text"),
+    5: ("description", "text"),
+    6: ("userName", "text"),
+    7: ("numPoints", "int"),
+}
+POINT_FIELDS = {
+    1: ("id", "text"),
+    2: ("type", "int"),
+    3: ("chooserName", "text"),
+    6: ("ignore", "bool"),
+    8: ("referenceIndex", "int"),
+    9: ("aprioriSurfPointSource", "int"),
+    11: ("aprioriRadiusSource", "int"),
+    16: ("aprioriX", "double"),
+    17: ("aprioriY", "double"),
+    18: ("aprioriZ", "double"),
+    20: ("adjustedX", "double"),
+    21: ("adjustedY", "double"),
+    22: ("adjustedZ", "double"),
+    23: ("adjustedCovar", "=double"),
+    25: ("measures", "*message"),
+}
+MEASURE_FIELDS = {
+    1: ("serialnumber", "text"),
+    2: ("type", "int"),
+    3: ("sample", "double"),
+    4: ("line", "double"),
+    5: ("sampleResidual", "double"),
+    6: ("lineResidual", "double"),
+    7: ("choosername", "text"),
+    10: ("ignore", "bool"),
+    11: ("jigsawRejected", "bool"),
+    15: ("samplesigma", "double"),
+    16: ("linesigma", "double"),
+}
 
 
 def read_net(content: bytes):
-    """Label, header fields and points of a version 5 network, by the wire format of Protocol Buffers."""
+    """Label, header and points of a version 5 network, read by Google's protobuf. Nothing in it is unknown to ISIS."""
     text = content[:65536].rstrip(b"\0").decode()
     label = dict(line.strip().replace('"', "").split(" = ", 1) for line in text.splitlines() if " = " in line)
     label = {key.strip(): value.strip() for key, value in label.items()}
     start, size = int(label["HeaderStartByte"]), int(label["HeaderBytes"])
     assert int(label["PointsStartByte"]) == start + size
+    entry = message_type("ControlPointFileEntryV0005", POINT_FIELDS, MEASURE_FIELDS)
     at, points = start + size, []
     while at < len(content):
         (length,) = struct.unpack_from("<i", content, at)
-        points.append(field(content[at + 4 : at + 4 + length]))
+        points.append(entry.FromString(content[at + 4 : at + 4 + length]))
         at += 4 + length
     assert at == start + size + int(label["PointsBytes"])
-    return label, field(content[start : start + size]), points
-
-
-def field(message: bytes) -> dict:
-    """Values of a message by their field's number."""
-    at, found = 0, {}
-
-    def varint() -> int:
-        nonlocal at
-        value, shift = 0, 0
-        while True:
-            byte = message[at]
-            at += 1
-            value |= (byte & 0x7F) << shift
-            shift += 7
-            if byte < 0x80:
-                return value
-
-    while at < len(message):
-        key = varint()
-        if key & 7 == 0:
-            value = varint()
-        elif key & 7 == 1:
-            value, at = message[at : at + 8], at + 8
-        else:
-            length = varint()
-            value, at = message[at : at + length], at + length
-        found.setdefault(key >> 3, []).append(value)
-    return found
+    header = message_type("ControlNetFileHeaderV0005", HEADER_FIELDS).FromString(content[start : start + size])
+    read = [header, *points, *(measure for point in points for measure in point.measures)]
+    assert not any(len(unknown_fields.UnknownFieldSet(message)) for message in read)
+    return label, header, points
 
 
 def made_network(images: int, per_image: int, rng, noise_px: float = 0.1, false: float = 0.0, turned: float = 0.08):
