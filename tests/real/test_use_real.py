@@ -173,7 +173,7 @@ def rejects(bench: Bench) -> Bench:
 
 PICTURE = {"camera": "galileo-ssi", "target": "europa", "pose_file": "pose.json"}
 REFUSALS: list[tuple[str, dict[str, Any], str, str]] = [
-    (f"images:{'galileo/C0532836239R.IMG'}", {}, "no-limb", "farther away"),
+    (f"images:{'galileo/C0532836239R.IMG'}", {}, "map-too-coarse", "finer base map"),
     *((f"cut{n}.IMG", {}, "truncated", "Fetch the file again") for n in (12, 1500, 9_000, 100_000, 809_999)),
     ("cut0.IMG", {}, "the file is empty", "are read"),
     ("cut.fit", {}, "truncated", "Fetch the file again"),
