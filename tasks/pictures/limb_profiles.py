@@ -53,7 +53,9 @@ def limb_profiles(observation: Observation, pose: Pose, scene: Scene, settings: 
 
     Raises FailedError when nothing of the target is on usable pixels.
     """
-    match = match_scene(observation, scene, pose, framed_window(scene, pose, margin_px=settings.half_px + 8))
+    match = match_scene(
+        observation, scene.with_rendered_limb(), pose, framed_window(scene, pose, margin_px=settings.half_px + 8)
+    )
     edges = measure_limb(match, settings)
     segments = edges.segments
     outward = np.sign(np.where(segments.horizontal, segments.normal[:, 0], segments.normal[:, 1]))

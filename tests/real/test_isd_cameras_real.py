@@ -15,7 +15,7 @@ from isd_truth import CASES, csm_directions, isd_of, kernel_camera
 from catalog.camera import Camera, camera_from_dict, read_camera_file
 from catalog.isd import pose_from_isd
 from catalog.spice import kernel_pool
-from catalog.spice_pose import _camera_from_j2000
+from catalog.spice_pose import orientation_from_loaded
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -63,7 +63,7 @@ def test_the_orientation_at_mid_exposure_is_the_isds(name: str, data_folder: Pat
     middle = len(table["quaternions"]) // 2
     et, missing = table["ephemeris_times"][middle], []
     with kernel_pool([data_folder / "isd" / name / "kernels"]):
-        ours = _camera_from_j2000(camera, et, missing)
+        ours = orientation_from_loaded(camera, et, missing)
     assert ours is not None, missing
     sensor = np.array(table["constant_rotation"]).reshape(3, 3) @ spiceypy.q2m(table["quaternions"][middle])
     theirs = np.array(camera.camera_from_instrument, float) @ sensor
@@ -101,7 +101,7 @@ def test_the_isd_makes_a_camera_and_a_pose(name: str, data_folder: Path) -> None
         ours = camera.detector_ray(pixels) @ np.array(camera.camera_from_instrument, float)
         assert np.linalg.norm(ours - theirs, axis=1).max() * camera.focal_length_px < 1e-3
     with kernel_pool([data_folder / "isd" / name / "kernels"]):
-        theirs = _camera_from_j2000(kernel_camera(data_folder, name, isd), pose.et, [])
+        theirs = orientation_from_loaded(kernel_camera(data_folder, name, isd), pose.et, [])
     assert theirs is not None
     # LORRI's ISD has 1e-9 of its quaternions' digits
     apart = np.degrees(np.linalg.norm(pose.camera_from_j2000 @ theirs.T - np.eye(3)) / np.sqrt(2))
