@@ -85,7 +85,7 @@ def corrected_or_explained(chain: Chain, start: Corrected) -> Corrected:
 
 
 def corrected_pose(chain: Chain, corrected: Corrected) -> Corrected:
-    """All passes and the verdict. Raises FailedError when the image does not bear the pose out."""
+    """All passes and the verdict. Raises FailedError when the image does not confirm the pose."""
     request, known = chain.request, corrected.known
     if is_started_elsewhere(request):
         start = chain.do(START, *inputs.of_start(request, known.scene, known.predicted)).result
@@ -116,7 +116,7 @@ def correct(chain: Chain, name: str, number: int, before: Corrected) -> Correcte
 
 
 def validated(chain: Chain, corrected: Corrected) -> Corrected:
-    """The same, once limbs and markings are compared. Raises FailedError where the image does not bear the pose out."""
+    """The same, once limbs and markings are compared. Raises FailedError where the image does not confirm the pose."""
     looked_at = inputs.of_validate(chain.request, corrected.known, corrected.last)
     check_report(chain.request.profile.accept, chain.do(VALIDATE, looked_at, corrected.files).result)
     refuse_doubtful_behind(corrected.known.predicted, doubts(chain))

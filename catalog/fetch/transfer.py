@@ -21,7 +21,7 @@ PAGE_SUFFIXES = (".html", ".htm")
 
 
 class TransferError(Exception):
-    """A file was not got. passing: another attempt may succeed; wait_s: what the server asked for, if anything."""
+    """A file was not got. passing: another attempt may succeed; wait_s: as the server says, or None."""
 
     def __init__(self, code: str, fault: str, passing: bool, wait_s: float | None = None) -> None:
         self.code, self.fault, self.passing, self.wait_s = code, fault, passing, wait_s
@@ -101,7 +101,7 @@ def _answer(url: str, headers: dict[str, str], settings: FetchSettings) -> Itera
     except (requests.ConnectionError, urllib3.exceptions.HTTPError) as error:
         raise TransferError("connection", f"the connection broke ({_short(error)})", passing=True) from error
     except requests.RequestException as error:
-        raise TransferError("request", f"{url} cannot be asked for ({_short(error)})", passing=False) from error
+        raise TransferError("request", f"{url} cannot be requested ({_short(error)})", passing=False) from error
 
 
 def _short(error: Exception) -> str:
@@ -112,7 +112,7 @@ def _check_status(answer: Any, settings: FetchSettings) -> None:
     status = answer.status_code
     if status in (200, 206):
         if answer.headers.get("Content-Encoding", "identity") != "identity":
-            raise TransferError("encoded", "the server sends the file encoded although asked not to", passing=False)
+            raise TransferError("encoded", "the server sends the file encoded against the request", passing=False)
         return
     wait = answer.headers.get("Retry-After", "")
     wait_s = min(float(wait), settings.longest_wait_s) if wait.isdigit() else None

@@ -44,7 +44,7 @@ class Job:
 
     @property
     def request(self) -> Request:
-        """What `planetpose correct` would be asked for this image: its pose file, or `--pose image`; no kernels."""
+        """The options of `planetpose correct` for this image: its pose file, or `--pose image`; no kernels."""
         return Request(
             image=self.folder / self.listed["image"],
             store=self.store / self.profile.name,

@@ -51,7 +51,7 @@ class Ground:
         return self.folder / "first"
 
     def request(self, image: Path, store: Path, **options: Any) -> Request:
-        """What is asked for one image."""
+        """The request for one image."""
         usual: dict[str, Any] = {
             "camera": str(self.archive / CAMERA_FILE),
             "target": "europa",

@@ -1,4 +1,4 @@
-"""A reader in a process of its own, that is asked, timed, and replaced when it crashes or hangs."""
+"""A reader in a process of its own, that reads on request, is timed, and replaced when it crashes or hangs."""
 
 import json
 import os

@@ -110,7 +110,7 @@ def cut_normal(random: np.random.Generator, sigma: float, size: int | None = Non
 def planted_errors(scene: Scene) -> dict[str, Any]:
     """What the metadata get wrong: offset_px (2,) and roll_deg of the camera, range_factor, attitude_deg (3,) rotation
     vector of the body in its frame, sun_off_deg, focal_error. Range and attitude are drawn from what a pose file is
-    believed to be good for, or a kernel; an offset of 5-40 px has any direction."""
+    assumed to be good for, or a kernel; an offset of 5-40 px has any direction."""
     random = random_of(scene, 1)
     good = scene.metadata == "good"
     range_sigma = GOOD_RANGE_SIGMA if good else RANGE_SIGMA

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 MASTER_SEED = 20261130
-# What a pose file is believed to be good for (`joint.priors.file`): errors of rough metadata are drawn from it, those
+# What a pose file is assumed to be good for (`joint.priors.file`): errors of rough metadata are drawn from it, those
 # of good metadata from less. Both are cut at so many sigmas.
 RANGE_SIGMA, ATTITUDE_SIGMA_DEG, ROLL_SIGMA_DEG, CUT_SIGMAS = 0.02, 3.0, 0.1, 2.0
 GOOD_RANGE_SIGMA, GOOD_ATTITUDE_SIGMA_DEG = 0.003, 0.5

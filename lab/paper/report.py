@@ -1,4 +1,4 @@
-"""The report: the parts that were asked for, `paper.json`, `index.html` and the figures beside it."""
+"""The report: the parts that were requested, `paper.json`, `index.html` and the figures beside it."""
 
 import json
 import time

@@ -1,4 +1,4 @@
-"""Deployments of a rehearsal, which deploy/setup.sh makes, and what is asked of the server about them."""
+"""Deployments of a rehearsal, which deploy/setup.sh makes, and requests to the server about them."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Whether limb, brightness and shading of an image bear its corrected pose out: refused outright, doubted, or taken."""
+"""Whether limb, brightness and shading of an image confirm its corrected pose: refused outright, doubted, or taken."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ BEHIND_REMEDY = (
 
 
 def check_report(accept: AcceptSettings, report: ValidateResult) -> None:
-    """Raise FailedError when the image does not bear the corrected pose out, see `check_limb`."""
+    """Raise FailedError when the image does not confirm the corrected pose, see `check_limb`."""
     if report.patches is None:
         check_limb(accept, report.limb)
     else:
@@ -38,7 +38,7 @@ def allowing(accept: AcceptSettings, patches: Json) -> AcceptSettings:
 
 
 def check_limb(accept: AcceptSettings, limb: LimbFigures, by_patches: bool = False) -> None:
-    """Raise FailedError when limb and brightness of the image do not bear the corrected pose out. by_patches: patches
+    """Raise FailedError when limb and brightness of the image do not confirm the corrected pose. by_patches: patches
     of the base map confirm it, so that no limb is needed, and the whole disk's brightness says nothing."""
     points, likeness = limb.points, limb.likeness
     if likeness < accept.min_likeness and not by_patches:

@@ -140,7 +140,7 @@ def twist_deg(camera_from_j2000: Array) -> float:
 
 def observation_in(folder: Path, loaded: list[Kernel]) -> BodyObservation:
     """The observation of a product's folder. loaded: kernels that a `kernel_pool` around the call holds. Raises
-    RefusedError for a product without stars: its camera and its target cannot be told apart."""
+    RefusedError for a product without stars: its camera and its target cannot be separated."""
     exposure, path = read_exposure(folder), folder / RESULT
     try:
         stars = own_json(read_regular_text(path)).get("stars") or {}

@@ -213,7 +213,7 @@ def climbed(
 
 
 def is_borne_out(markings: Markings) -> bool:
-    """Whether the markings bear an orientation out so strongly that they outweigh what its prior says against it."""
+    """Whether the markings support an orientation so strongly that they outweigh what its prior says against it."""
     return markings.verdict == "matched" and (markings.sigmas or 0.0) >= STRONG_SIGMAS
 
 

@@ -25,7 +25,7 @@ Progress = Callable[[str, int, str], None]
 
 # The refinement works on frames of no more pixels across.
 LARGEST_PX = 1024
-AMBIGUOUS = "without a limb a turn of the body cannot be told from one of the camera"
+AMBIGUOUS = "without a limb a turn of the body cannot be distinguished from one of the camera"
 
 
 def find_close_up(

@@ -1,6 +1,6 @@
 """Find the target in front of a larger bright body, or beside one: by what it hides of that body and by its own light.
 
-What is much larger than the target is told apart by a median over a square some target's diameters wide. Wherever the
+What is much larger than the target is separated by a median over a square some target's diameters wide. Wherever the
 target may be, it then is expected to take that light away and to add its own:
 
     image = dark level + behind (1 - coverage) + weight disk.

@@ -38,8 +38,3 @@ def read_place(text: str) -> tuple[float, float]:
     if not abs(latitude) <= 90.0 or not isfinite(longitude):
         raise WrongOptionError("place", f"{text!r}: the latitude {latitude:g} is beyond 90 degrees.", HOW_PLACE)
     return latitude, longitude % 360.0
-
-
-def latitude_in_words(latitude_deg: float, digits: int = 4) -> str:
-    """`12.5000 N`."""
-    return f"{abs(latitude_deg):.{digits}f} {'S' if latitude_deg < 0 else 'N'}"

@@ -1,5 +1,5 @@
 """Identification of star images without knowing where the camera looks: pairs of detections against pairs of catalog
-stars of the same separation; each such pair is an orientation, which the other detections bear out or not.
+stars of the same separation; each such pair is an orientation, which the other detections support or not.
 
 The probability that chance does as much is the number of orientations tried times the binomial probability that so many
 of the other detections have a catalog star near, at the catalog's own density there.
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
-FIRST_LOOK = 8  # detections that are compared first; orientations that none of them bears out are dropped
+FIRST_LOOK = 8  # detections that are compared first; orientations that none of them supports are dropped
 LARGEST_BATCH = 200_000
 
 
@@ -30,7 +30,7 @@ class SkyPairs:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An orientation that detections bear out. matches: how many, with the two that it was made of. chance: binomial
+    """An orientation that detections support. matches: how many, with the two that it was made of. chance: binomial
     probability of as many for one orientation; tried: how many orientations were tried until then."""
 
     camera_from_sky: Array

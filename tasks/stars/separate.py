@@ -19,7 +19,7 @@ Json = dict[str, Any]
 LEAST_ROLL_DEG = 1e-3
 TOGETHER = (
     "an error of the camera's orientation and one of the target's direction look the same in the image and cannot be "
-    "told apart"
+    "separated"
 )
 
 

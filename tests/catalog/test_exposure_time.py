@@ -1,4 +1,4 @@
-"""The time of exposure: of all that a label says what agrees is believed, the rest told; no wrong time in silence."""
+"""The time of exposure: of all that a label says what agrees is used, the rest reported; no wrong time in silence."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Quality planes that cannot hold this program's bits are left alone, and that is told."""
+"""Quality planes that cannot hold this program's bits are left alone, and that is reported."""
 
 from pathlib import Path
 

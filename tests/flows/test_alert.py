@@ -1,4 +1,4 @@
-"""The example alert for real: a server, its automation, an event, and the address that is told."""
+"""The example alert for real: a server, its automation, an event, and the address that is notified."""
 
 import json
 import os

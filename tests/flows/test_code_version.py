@@ -123,7 +123,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_editing_any_module_redoes_the_steps_that_import_it_and_no_others(copy: Path) -> None:
     """Every module in turn: with a comment and a docstring more nothing is another, with a line more exactly the steps
-    are whose modules import it. Who imports whom is asked of a second implementation, `grimp`."""
+    are whose modules import it. Who imports whom is compared with a second implementation, `grimp`."""
     import grimp
 
     graph = grimp.build_graph(*PACKAGES, cache_dir=None, exclude_type_checking_imports=True)

@@ -45,7 +45,7 @@ REPORT = ValidateResult(
 
 
 def chain_of(folder: Path, steps: list[str], later: list[str], kind: Any = JOINT, **reported: Any) -> Chain:
-    """The chain after two passes whose corrections all say the same; those of a kind also say what `told` does."""
+    """The chain after two passes whose corrections all say the same; those of a kind also say what `reported` does."""
     changed = {"offset_px": [0.5, 0.0], "range_factor": 1.0, "attitude_deg": [0.0, 0.0, 0.0]}
 
     def answered(step: AnyStep) -> Record:

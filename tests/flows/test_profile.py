@@ -1,4 +1,4 @@
-"""Profile files build on a profile: what they leave out is as there, and what they change is told."""
+"""Profile files build on a profile: what they leave out is as there, and what they change is reported."""
 
 from pathlib import Path
 from typing import Any

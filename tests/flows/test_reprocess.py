@@ -1,4 +1,4 @@
-"""Reprocessing a small archive for real: what is done, what is not and why, what is remembered and told."""
+"""Reprocessing a small archive for real: what is done, what is not and why, what is remembered and reported."""
 
 import csv
 import json
@@ -106,7 +106,7 @@ def test_a_rerun_does_nothing_and_asks_no_server(
     assert done
 
     def no_server(_: str) -> None:
-        raise AssertionError("a server was asked for")
+        raise AssertionError("a server was requested")
 
     monkeypatch.setattr(command, "prepare", no_server)
     again = command.run_reprocess(settings, "local", nobody)

@@ -121,7 +121,7 @@ def test_prefect_tries_again_only_after_faults_that_can_pass(
 
     def ended(*_: Any) -> Any:
         seen.append(fault)
-        return SimpleNamespace(passing=fault == "passing", status="refused", reason=f"{fault}: told.")
+        return SimpleNamespace(passing=fault == "passing", status="refused", reason=f"{fault}: reported.")
 
     monkeypatch.setattr(image_task, "do_image", ended)
     task = image_task.image_task(ReprocessOptions(images="list", retries=2, retry_delay_s=0))

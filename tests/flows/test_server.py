@@ -129,7 +129,7 @@ def test_who_uses_it_keeps_saying_so(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 class Reported:
-    """A clock that shows what it is told, and a server that can only be stopped."""
+    """A clock that shows what it is set to, and a server that can only be stopped."""
 
     def __init__(self) -> None:
         self.now, self.stopped = 1000.0, 0

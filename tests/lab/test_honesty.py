@@ -240,7 +240,7 @@ def test_shares_within_sigmas_are_counted_per_law_and_size() -> None:
 
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Instead of rendering and correcting: made-up rows, and which scenes were asked for."""
+    """Instead of rendering and correcting: made-up rows, and which scenes were requested."""
     requested: list[str] = []
 
     def fake(job: Job) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from catalog.spice import kernel_pool
 from tasks.ingest.pose import _time_of_frame
 
 WITH_CLOCK = {"N1702360370_1", "st_2458542208_v", "f004a47", "f704b28"}
-# LORRI's label rounds its StartTime to 1 ms, Juno's clock kernel is not asked.
+# LORRI's label rounds its StartTime to 1 ms, Juno's clock kernel is not used.
 WITHIN_S = {"JNCR_2016240_01M06152_V01": 4e-4, "m0126888978f7_2p": 2e-4, "lor_0034974380_0x630_sci_1": 2e-4}
 WITHIN_S |= dict.fromkeys(WITH_CLOCK, 1e-6)
 NAMES = sorted(

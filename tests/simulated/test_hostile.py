@@ -1,4 +1,4 @@
-"""Images that cannot be corrected are told the cause that was planted, and leave what it takes to understand them."""
+"""Images that cannot be corrected name the planted cause, and leave what it takes to understand them."""
 
 import json
 from functools import cache

@@ -1,4 +1,4 @@
-"""Planted turns about the line of sight are found again, and told apart: of the camera, and of the target alone."""
+"""Planted turns about the line of sight are found again, and distinguished: of the camera, and of the target alone."""
 
 import numpy as np
 import pytest

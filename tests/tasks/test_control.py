@@ -1,4 +1,4 @@
-"""Control: planted errors of poses are found from ties between images, false ties are not believed, files are read."""
+"""Control: planted errors of poses are found from ties between images, false ties are rejected, files are read."""
 
 import json
 import struct
@@ -8,21 +8,18 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
 from typer.testing import CliRunner
 
-from catalog.camera import Camera
 from catalog.errors import FailedError, PlanetposeError, RefusedError, WrongOptionError
 from catalog.pose import read_pose_file
-from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
+from catalog.rotation import vector_deg_from_rotation
 from catalog.target import find_target
 from flows.cli import build_app
+from lab.maps.network import MadeNetwork, across_deg, made_network, rms_across_deg
 from lab.simulate.albedo_store import paper_views, write_albedo_store
 from tasks.control.bundle import adjust_bundle
 from tasks.control.files import NET, write_control
 from tasks.control.matching import match_patches
-from tasks.control.patches import places_on
 from tasks.control.settings import ControlSettings
 from tasks.control.store import control_report, control_store
-from tasks.control.ties import Ties
-from tasks.project.points import pixels_of_points, visible
 
 VIEWS = ("LOR_0034823099", "LOR_0034849319", "LOR_0034866659", "C1634216", "C1635707", "C2062524")
 EUROPA = find_target("europa")
@@ -54,13 +51,6 @@ def store(tmp_path_factory):
 @pytest.fixture(scope="module")
 def control(store):
     return control_store(store[0], ControlSettings(points=700))
-
-
-def across_deg(pose, true) -> float:
-    """Error of the body's orientation across the line of sight, RMS of two axes."""
-    turn = vector_deg_from_rotation((pose.body_from_j2000 @ true.body_from_j2000.T).T)
-    sight = true.spacecraft_in_body_km / true.range_km
-    return float(np.linalg.norm(turn - sight * (turn @ sight)) / np.sqrt(2))
 
 
 def test_attitudes_agree_after_the_adjustment_and_state_their_errors(store, control) -> None:
@@ -182,70 +172,40 @@ def read_net(content: bytes):
     return label, header, points
 
 
-def made_network(images: int, per_image: int, rng, noise_px: float = 0.1, false: float = 0.0, turned: float = 0.08):
-    """Cameras around Europa, ties of exactly known points with noise; poses that are wrong, and the true ones."""
-    camera = Camera(name="made", size_px=(400, 400), centre_px=(199.5, 199.5), focal_length_px=2e4)
-    places = places_on(EUROPA, max(images * per_image // 6, 60)).points
-    true, wrong, image, point, xy = [], [], [], [], []
-    from catalog.pose import Pose
-
-    for k in range(images):
-        longitude, latitude = rng.uniform(-180, 180), rng.uniform(-25, 25)
-        from scipy.spatial.transform import Rotation
-
-        body = Rotation.from_euler("ZYX", [90 + longitude, 0, 90 + latitude], degrees=True).as_matrix()
-        pose = Pose(float(k), np.eye(3), np.array([0.0, 0.0, 2e5]), np.array([1e8, 0.0, -7e8]), body)
-        shown = np.flatnonzero(visible(pose, EUROPA, places))
-        shown = rng.permutation(shown)[:per_image]
-        true.append(pose)
-        wrong.append(pose.replaced(body_from_j2000=rotation_from_vector_deg(rng.normal(0, turned, 3)) @ body))
-        image += [k] * len(shown)
-        point += shown.tolist()
-        xy.append(pixels_of_points(pose, camera, places[shown]) + rng.normal(0, noise_px, (len(shown), 2)))
-    xy_px = np.concatenate(xy)
-    bad = rng.uniform(size=len(xy_px)) < false
-    xy_px[bad] += rng.uniform(1.5, 6, (bad.sum(), 2)) * rng.choice([-1, 1], (bad.sum(), 2))
-    n = len(xy_px)
-    ties = Ties(
-        places, np.array(image), np.array(point), xy_px, np.tile(noise_px**2 * np.eye(2), (n, 1, 1)), np.ones(n),
-        np.zeros(n, bool), np.ones(n),
-    )  # fmt: skip
-    count = np.bincount(ties.point, minlength=len(places))
-    bad = bad[(count >= 2)[ties.point]]
-    ties = ties.part(np.ones(n, bool))
-    prior = np.diag(np.square([0.02, 0.02, 1e-5, 0.005, turned, turned, turned]))
-    return true, wrong, [camera] * images, ties, np.tile(prior, (images, 1, 1)), bad
+def adjusted(network: MadeNetwork, **settings):
+    return adjust_bundle(
+        network.wrong, network.cameras, EUROPA, network.ties, network.priors, ControlSettings(**settings)
+    )
 
 
 def test_false_ties_are_rejected_and_true_ones_kept() -> None:
-    true, wrong, cameras, ties, priors, bad = made_network(12, 60, np.random.default_rng(1), false=0.1)
-    bundle = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
-    lonely = np.bincount(ties.point[~bad], minlength=len(ties.points))[ties.point] < 2
+    network = made_network(12, 60, np.random.default_rng(1), false=0.1)
+    bundle = adjusted(network)
+    point, bad = network.ties.point, network.false
+    lonely = np.bincount(point[~bad], minlength=len(network.ties.points))[point] < 2
     assert bad.sum() > 30
     assert np.mean(~bundle.used[bad]) > 0.95
     assert np.mean(bundle.used[~bad & ~lonely]) > 0.95
-    after = [across_deg(pose, t) for pose, t in zip(bundle.poses, true, strict=True)]
-    assert _rms(after) < 0.5 * _rms([across_deg(pose, t) for pose, t in zip(wrong, true, strict=True)])
+    assert rms_across_deg(bundle.poses, network.true) < 0.5 * rms_across_deg(network.wrong, network.true)
 
 
 @pytest.mark.parametrize("free_radius", [False, True])
 def test_the_stated_covariance_is_that_of_repeated_adjustments(free_radius: bool) -> None:
     pulls = []
     for seed in range(8):
-        true, wrong, cameras, ties, priors, _ = made_network(8, 60, np.random.default_rng(seed))
-        settings = ControlSettings(free_radius=free_radius)
-        bundle = adjust_bundle(wrong, cameras, EUROPA, ties, priors, settings)
-        for pose, t, covariance in zip(bundle.poses, true, bundle.covariance, strict=True):
+        network = made_network(8, 60, np.random.default_rng(seed))
+        bundle = adjusted(network, free_radius=free_radius)
+        for pose, t, covariance in zip(bundle.poses, network.true, bundle.covariance, strict=True):
             turn = vector_deg_from_rotation((pose.body_from_j2000 @ t.body_from_j2000.T).T)
             pulls.append(turn @ np.linalg.solve(covariance[4:, 4:], turn))
     assert 2.0 < np.mean(pulls) < 4.5  # chi-square of three
 
 
 def test_sparse_and_dense_factors_agree(monkeypatch) -> None:
-    _, wrong, cameras, ties, priors, _ = made_network(8, 40, np.random.default_rng(3))
-    dense = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
+    network = made_network(8, 40, np.random.default_rng(3))
+    dense = adjusted(network)
     monkeypatch.setattr("tasks.control.reduced.DENSE", 0)
-    sparse = adjust_bundle(wrong, cameras, EUROPA, ties, priors, ControlSettings())
+    sparse = adjusted(network)
     assert sparse.moves == pytest.approx(dense.moves, abs=1e-8)
     assert sparse.covariance == pytest.approx(dense.covariance, rel=1e-6, abs=1e-12)
 

@@ -44,7 +44,7 @@ def wrong_map() -> BaseMap:
 @cache
 def pulled_away() -> tuple[Observation, Scene, Estimate]:
     """An image with light that trails from the disk to the right, and an estimate by a wrong map that something put
-    0.9, -0.6 px and 0.4 % of range off, believed to 0.1 px."""
+    0.9, -0.6 px and 0.4 % of range off, stated to 0.1 px."""
     clean = clean_image(scene_of(CAMERA), TRUTH)
     veil = sum(0.1 * np.exp(-step / 6) / 6 * np.roll(clean - clean.min(), step, axis=1) for step in range(1, 40))
     seen = observed(clean + veil)

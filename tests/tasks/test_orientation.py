@@ -1,4 +1,4 @@
-"""Whether the image bears an orientation out: by its markings, against its mirror images, and by the dark limb."""
+"""Whether the image confirms an orientation: by its markings, against its mirror images, and by the dark limb."""
 
 from dataclasses import replace
 

@@ -80,7 +80,7 @@ class Bench:
 
 
 def run_here(step: AnyStep) -> Record:
-    """Do a step without telling anybody."""
+    """Do a step without reporting it."""
     return run(step, lambda *_: None)
 
 

@@ -1,0 +1,1 @@
+"""Maps and control networks against planted truth: `planetpose benchmark mosaic` and `control`."""
