@@ -32,11 +32,19 @@ def candidates_for(names: Sequence[str], target: Target, kernels: Sequence[Path]
     if [name.lower() for name in names] == [NO_BODIES]:
         return Candidates()
     if names:
-        return Candidates(tuple(find_target(name, kernels) for name in names), named=True)
+        return Candidates(tuple(_named(name, kernels) for name in names), named=True)
     if not kernels:
         return Candidates()
     catalog = {**further_targets(), **known_targets()}
     return Candidates(tuple(each for each in catalog.values() if each.naif_id != target.naif_id))
+
+
+def _named(name: str, kernels: Sequence[Path]) -> Target:
+    try:
+        return find_target(name, kernels)
+    except RefusedError as error:
+        remedy = "Check the name of --body: `planetpose targets` lists the catalog's; others need a PCK (--kernels)."
+        raise RefusedError(Reason.BODY_UNKNOWN, error.fault, remedy) from error
 
 
 def bodies_of_image(
