@@ -70,6 +70,22 @@ def file_put_in_place(path: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def put_in_place_of_any(path: Path) -> Iterator[Path]:
+    """Yield the name of a hidden file or folder beside `path`, to be made, that takes its place at the end, unless the
+    block raises, be it a file or a folder that is there."""
+    sweep_temporaries(path.parent)
+    temporary = path.parent / _temporary_name(path.name)
+    try:
+        yield temporary
+        flush_folder(temporary) if temporary.is_dir() else flush_file(temporary)
+        if not os.path.lexists(path) or not exchange(temporary, path):
+            _exchange_in_two_steps(temporary, path)
+        _flush_names(path.parent)
+    finally:
+        _remove(temporary)
+
+
+@contextmanager
 def locked(file: IO[Any]) -> Iterator[None]:
     """Hold an exclusive lock on an open file; the system gives it free when its holder dies. Where the system has no
     such locks (Windows) nothing is held."""
