@@ -21,7 +21,6 @@ from tasks.publish.cube import open_cube
 from tasks.publish.index_parts import (
     ORDER,
     count_rows,
-    part_paths,
     products_of_parts,
     read_whole,
     write_rows,

@@ -123,8 +123,8 @@ def write_whole(store: Path, index: "pd.DataFrame") -> None:
             for number, part in enumerate(_slices(index)):
                 part.to_parquet(temporary / PART.format(number), index=False)
     if was_one_file:
-        parts, form = -(-len(index) // PART_ROWS), "is a folder of %d files now; readers of Parquet open it as one table"
-        logger.warning(f"%s: the index of %d images {form}", path, len(index), parts)
+        said = "%s: the index of %d images is a folder of %d files now; readers of Parquet open it as one table"
+        logger.warning(said, path, len(index), -(-len(index) // PART_ROWS))
 
 
 def _slices(index: "pd.DataFrame") -> "Iterator[pd.DataFrame]":

@@ -13,8 +13,8 @@ from small_product import small_publication
 
 from tasks.objectstore.index_upload import upload_index
 from tasks.objectstore.location import open_object_store
-from tasks.publish import publish
 from tasks.publish import index_parts as parts
+from tasks.publish import publish
 from tasks.publish.index import INDEX, open_index, read_index, rebuild_index, update_index
 
 
