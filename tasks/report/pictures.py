@@ -35,7 +35,6 @@ def drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
     """Make the pictures of one kind in the folder `pictures`."""
     from shutil import copyfile
 
-    from tasks.pictures.canvas import DRAWING
     from tasks.pictures.product import read_product
     from tasks.publish.names import OVERLAY
 
@@ -53,9 +52,8 @@ def drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
     from tasks.pictures.planes_figure import planes_figure
     from tasks.pictures.residual_figure import residual_figure
 
-    with DRAWING:
-        figure = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
-        figure.savefig(path, format="png")
+    sheet = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
+    sheet.save(path)
     return [path]
 
 
