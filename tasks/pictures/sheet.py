@@ -124,9 +124,9 @@ class Sheet:
                 self._draw.polygon(corners, fill=tuple(map(int, colour)), outline=BLACK)
         self._draw.polygon(outline, outline=BLACK)
         for value in ticks(bar.low, bar.high):
-            y = y1 - (value - bar.low) / (bar.high - bar.low) * (y1 - y0)
-            self._draw.line((x1, y, x1 + 3, y), fill=BLACK)
-            self._draw.text((x1 + 5, y), f"{value:g}", fill=BLACK, font=font(SMALL_PX), anchor="lm")
+            place = y1 - (value - bar.low) / (bar.high - bar.low) * (y1 - y0)
+            self._draw.line((x1, place, x1 + 3, place), fill=BLACK)
+            self._draw.text((x1 + 5, place), f"{value:g}", fill=BLACK, font=font(SMALL_PX), anchor="lm")
         if bar.label:
             self._draw.text((x1 + 4, box[3] + 6), bar.label, fill=BLACK, font=font(SMALL_PX), anchor="mt")
 
@@ -143,7 +143,7 @@ def coloured(values: NDArray[Any], bar: Bar, unknown: Colour = WHITE) -> Pixels:
     known = np.isfinite(values)
     share = (np.where(known, values, bar.low) - bar.low) / max(bar.high - bar.low, 1e-300)
     shown = colour_table(bar.colours)[np.clip(255.999 * share, 0, 255).astype(np.uint8)]
-    return np.where(known[..., None], shown, np.uint8(unknown))
+    return np.where(known[..., None], shown, np.array(unknown, np.uint8))
 
 
 def with_curves(pixels: Pixels, size: tuple[int, int], extent: Extent, curves: Sequence[Curve]) -> Pixels:
