@@ -41,13 +41,12 @@ class OutcomeCounts:
     def summary(self) -> dict[str, Any]:
         """Plain JSON; reasons: how many images have which, per status, the most frequent first. steps: per kind, the
         slowest first."""
+        reasons = ((name, self.reasons[name]) for name in self._statuses if name in self.reasons)
         rows = [times.row(kind) for kind, times in self.steps.items()]
         return {
             "images": self.images,
             "status": {name: self.status[name] for name in self._statuses},
-            "reasons": {
-                name: dict(self.reasons[name].most_common()) for name in self._statuses if name in self.reasons
-            },
+            "reasons": {name: dict(counts.most_common()) for name, counts in reasons},
             "may_pass": self.may_pass,
             "stale": sorted(self.stale),
             "steps": sorted(rows, key=lambda row: -row["sum_s"]),
