@@ -2,6 +2,7 @@
 
 import socket
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -10,25 +11,33 @@ from tasks.boundary import trouble_of
 from viewer.app import build_app
 from viewer.security import Access
 
+if TYPE_CHECKING:
+    import uvicorn
+    from fastapi import FastAPI
+
 
 def serve(store: Path, host: str, port: int, read_only: bool, compare: Path | None, open_page: bool) -> None:
     """Serve the page of `store` and say where it is. Raises RefusedError without a store, WrongOptionError for a host
     or port that cannot be listened on."""
-    import uvicorn
-
     from flows.cli.show import on_a_desk
 
     listening = listening_socket(host, port)
     access = Access(host, listening.getsockname()[1], read_only)
     app = build_app(store, access, compare)
     warm_up(store)
-    config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False)
     print(f"planetpose view: {access.url()}  (Ctrl-C ends it)", flush=True)
     if not access.is_local:
         print("Everybody who knows this address with its token can use the page; it is not encrypted.", flush=True)
     if open_page and on_a_desk():
         typer.launch(access.url())
-    uvicorn.Server(config).run(sockets=[listening])
+    quiet_server(app).run(sockets=[listening])
+
+
+def quiet_server(app: "FastAPI") -> "uvicorn.Server":
+    """A server of the application that logs warnings alone."""
+    import uvicorn
+
+    return uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
 
 
 def warm_up(store: Path) -> None:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # Texts that few images have to themselves: kept once each.
 REPEATED = ("status", "camera", "target", "pose_source", "profile", "pixel_space", "software", "review")
 LEFT_OUT = ("stamp", "image_sha256", "cube", "overlay", "et")
+SPARKLINES = ("sigma_px", "limb_rms_px")
+BESIDE = 4  # images before and after one
 LARGEST_PAGE = 1000
 MOST_POINTS = 20_000
 
@@ -37,6 +39,35 @@ class Page:
     fitting: int
     images: int
     counts: dict[str, int]
+
+
+class Neighbours:
+    """Of every image the values of those that the same camera took before and after it, for sparklines."""
+
+    def __init__(self, table: "pd.DataFrame") -> None:
+        camera = table["camera"].cat.codes.to_numpy()
+        self._order = np.lexsort([table["utc"].to_numpy(dtype="datetime64[us]"), camera])
+        self._place = np.empty_like(self._order)
+        self._place[self._order] = np.arange(len(self._order))
+        self._camera = camera[self._order]
+        self._values = {
+            name: table[name].to_numpy(dtype=np.float32, na_value=np.nan)[self._order] for name in SPARKLINES
+        }
+
+    def of(self, places: Any) -> list[dict[str, list[float | None]]]:
+        """Per image (n,) and column its own value in the middle, those before and after it beside; None where there is
+        none."""
+        if not len(places):
+            return []
+        around = self._place[places][:, None] + np.arange(-BESIDE, BESIDE + 1)
+        inside = (around >= 0) & (around < len(self._order))
+        around = np.clip(around, 0, len(self._order) - 1)
+        inside &= self._camera[around] == self._camera[around[:, BESIDE]][:, None]
+        found = {name: np.where(inside, values[around], np.nan) for name, values in self._values.items()}
+        return [
+            {name: [float(f"{v:.3g}") if np.isfinite(v) else None for v in rows[i]] for name, rows in found.items()}
+            for i in range(len(places))
+        ]
 
 
 class Table:
@@ -57,6 +88,7 @@ class Table:
         with self._lock:
             self.table = table
             self._orders.clear()
+            self._neighbours = Neighbours(table)
             self.places = {name: place for place, name in enumerate(table["product"])}
 
     def note_review(self, product: str, review: str, note: str) -> None:
@@ -79,7 +111,10 @@ class Table:
             chosen = order[max(first, 0) : max(first, 0) + min(max(count, 0), LARGEST_PAGE)]
             counts = self.table["status"].iloc[order].value_counts()
             by_status = {str(name): int(number) for name, number in counts.items() if number}
-            return Page(plain_rows(self.table.iloc[chosen]), len(order), len(self.table), by_status)
+            rows = plain_rows(self.table.iloc[chosen])
+            for row, series in zip(rows, self._neighbours.of(chosen), strict=True):
+                row["neighbours"] = series
+            return Page(rows, len(order), len(self.table), by_status)
 
     def place_in(self, product: str, text: str = "", sort: str = "", down: bool = False) -> int | None:
         """Position of a product among those that fit; None where it does not."""

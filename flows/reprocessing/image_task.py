@@ -15,6 +15,7 @@ from prefect.states import Completed, Failed
 
 from catalog.errors import PlanetposeError
 from catalog.times import now_utc
+from flows.flow_run import current_run
 from flows.options import BOOKS, ReprocessOptions, processors
 from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
 from flows.reprocessing.outcomes import Outcome, read_outcome, write_outcome
@@ -24,6 +25,7 @@ from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.runners import THREADS
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
+from tasks.guidance.prefect_run import note_run
 
 Job = dict[str, Any]
 
@@ -62,6 +64,7 @@ def perform(product: str, job: Job) -> State[None]:
         return Failed(message=f"{product}: {error.reason}")
     except OSError as error:  # what it came to could not be written into the store
         raise PassingFaultError(f"{product}: {error}") from error
+    note_run(Path(job["request"]["store"]), product, current_run())
     if outcome.passing:
         raise PassingFaultError(f"{product}: {outcome.reason}")
     message = f"{product}: {outcome.status}" + (f": {outcome.reason}" if outcome.reason else "")

@@ -6,8 +6,10 @@ import io
 import json
 from pathlib import Path
 from typing import Any
+from urllib.request import urlopen
 
 import numpy as np
+import pandas as pd
 import pytest
 from fastapi.testclient import TestClient
 from PIL import Image
@@ -18,8 +20,10 @@ from catalog.errors import RefusedError, WrongOptionError
 from catalog.observation import Observation
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
+from flows.flow_run import current_run
 from tasks.diagnose.failed_folder import FRAME, failed_folder, frame_dataset, note_result
 from tasks.guidance.decisions import GUIDANCE, decisions_of
+from tasks.guidance.prefect_run import note_run, noted_run
 from tasks.pictures.flow_vectors import flow_vectors
 from tasks.pictures.product import Product
 from tasks.publish import publish
@@ -29,11 +33,12 @@ from tasks.simulate.window import Window
 from tasks.validate import ValidateSettings
 from viewer.app import FAULT, build_app
 from viewer.export import export_store
+from viewer.notebook import view
 from viewer.planes import Planes, levels_of, reduced
 from viewer.product import advice_of
 from viewer.security import Access
 from viewer.serving import listening_socket
-from viewer.table import Table
+from viewer.table import Neighbours, Table
 
 OWN = {"host": "127.0.0.1:8080"}
 
@@ -148,6 +153,66 @@ def test_a_link_from_elsewhere_opens_the_page_and_no_page_may_frame_it(client: T
     assert page.status_code == 200
     assert "frame-ancestors 'none'" in page.headers["content-security-policy"]
     assert client.get("/", headers=visit | {"sec-fetch-dest": "iframe"}).status_code == 403
+
+
+def test_a_notebook_may_frame_the_page_by_its_token_alone(store: Path) -> None:
+    client, access = client_of(store, framed=True)
+    frame = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"}
+    page = client.get("/", headers=frame, params={"token": access.token})
+    assert (page.status_code, "frame-ancestors" in page.headers["content-security-policy"]) == (200, False)
+    for token in ({}, {"token": "wrong"}):
+        assert client.get("/", headers=frame, params=token).status_code == 403
+        assert "frame-ancestors 'none'" in client.get("/", params=token).headers["content-security-policy"]
+    unframed, other = client_of(store)
+    assert unframed.get("/", headers=frame, params={"token": other.token}).status_code == 403
+
+
+def test_the_page_is_a_notebooks_value(store: Path) -> None:
+    shown = view(store, product="C0001", height=432)
+    try:
+        html = shown._repr_html_()
+        assert "height: 432px" in html
+        assert html.count("#C0001") == 1
+        with urlopen(shown.url, timeout=20) as answer:
+            assert "planetpose view" in answer.read().decode()
+        assert shown.url in repr(shown)
+    finally:
+        shown.close()
+    with pytest.raises(RefusedError, match="there is no store"):
+        view(store / "nothing")
+
+
+def test_values_of_neighbours_are_those_of_the_same_camera_in_time() -> None:
+    count = 12
+    table = pd.DataFrame({name: np.arange(count, dtype=float) for name in ("sigma_px", "limb_rms_px")})
+    table["camera"] = pd.Series(["a", "b"] * (count // 2)).astype("category")
+    table["utc"] = pd.to_datetime(np.arange(count)[::-1], unit="D", utc=True).tz_localize(None)
+    table.loc[2, "limb_rms_px"] = np.nan
+    (first, last) = Neighbours(table).of([0, 11])
+    assert first["sigma_px"] == [8, 6, 4, 2, 0, None, None, None, None]
+    assert first["limb_rms_px"] == [8, 6, 4, None, 0, None, None, None, None]
+    assert last["sigma_px"] == [None, None, None, None, 11, 9, 7, 5, 3]
+    assert Neighbours(table).of([]) == []
+
+
+def test_the_prefect_run_of_an_image_is_a_link_and_nothing_but_one(tmp_path: Path) -> None:
+    publish(small_publication("C0001"), tmp_path)
+    leave_failed(tmp_path, "C0002")
+    run = {"flow_run": "1", "task_run": None, "name": "wise-owl", "url": "http://127.0.0.1:4200/runs/flow-run/1"}
+    note_run(tmp_path, "C0001", run)
+    assert noted_run(tmp_path, "C0001") is None  # no request is noted in this store, so no run is
+    (tmp_path / ".requests").mkdir()
+    for name in ("C0001", "C0002"):
+        note_run(tmp_path, name, run)
+    client, _ = client_of(tmp_path)
+    assert [client.get(f"/api/products/{name}").json()["run"] for name in ("C0001", "C0002")] == [run, run]
+    assert (failed_folder(tmp_path, "C0002") / "run.json").is_file()
+    for url in ("javascript:alert(1)", "file:///etc/passwd", None):
+        note_run(tmp_path, "C0001", run | {"url": url})
+        assert noted_run(tmp_path, "C0001") is None
+    note_run(tmp_path, "C0002", None)
+    assert noted_run(tmp_path, "C0002") is None
+    assert current_run() is None
 
 
 def test_writing_needs_the_token_of_the_page(tmp_path: Path) -> None:
