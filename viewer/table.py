@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 REPEATED = ("status", "camera", "target", "pose_source", "profile", "pixel_space", "software", "review")
 LEFT_OUT = ("stamp", "image_sha256", "cube", "overlay", "et")
 SPARKLINES = ("sigma_px", "limb_rms_px")
+RANKED, FEWEST_RANKED = ("sigma_px", "limb_rms_px", "offset_px"), 5
 BESIDE = 4  # images before and after one
 LARGEST_PAGE = 1000
 MOST_POINTS = 20_000
@@ -128,6 +129,22 @@ class Table:
             place = self.places.get(product)
             return None if place is None else plain_rows(self.table.iloc[[place]])[0]
 
+    def ranks(self, product: str) -> dict[str, float]:
+        """Of some columns the share of the images of the same camera whose value is smaller than the product's; only
+        where five others have one."""
+        with self._lock:
+            place = self.places.get(product)
+            if place is None:
+                return {}
+            camera = self.table["camera"].cat.codes.to_numpy()
+            found = {}
+            for name in RANKED:
+                values = self.table[name].to_numpy(dtype=np.float64, na_value=np.nan)
+                others = values[(camera == camera[place]) & np.isfinite(values)]
+                if np.isfinite(values[place]) and len(others) > FEWEST_RANKED:
+                    found[name] = float((others < values[place]).sum() / (len(others) - 1))
+            return found
+
     def points(self, x: str, y: str, text: str = "") -> dict[str, Any]:
         """Values of two columns of the images that fit, for a plot; of very many, every n-th. Raises WrongOptionError
         for a column that is none."""
@@ -170,12 +187,21 @@ def prepared(store: Path) -> "pd.DataFrame":
         more = pd.DataFrame(others, columns=list(SHOWN_OF_OUTCOMES))
         more["utc"] = pd.to_datetime(more["utc"], utc=True, format="ISO8601").astype(table["utc"].dtype)
         table = pd.concat([table, more.astype({"product": "str"})], ignore_index=True)
+    table["worst"] = worst_of(table)
     reviews = all_reviews(store)
     for place, name in enumerate(("review", "note")):
         table[name] = [reviews.get(product, ("", ""))[place] for product in table["product"]]
     for name in REPEATED:
         table[name] = table[name].astype("category")
     return table
+
+
+def worst_of(table: "pd.DataFrame") -> Any:
+    """(n,) by which the images that want a look come first: those without a product, doubtful ones, then ok ones
+    (thousands), each by the larger of sigma of the centre and limb residual, px."""
+    verdict = table["status"].map({"ok": 0.0, "doubtful": 1.0}).fillna(2.0).to_numpy(dtype=np.float64)
+    errors = table[["sigma_px", "limb_rms_px"]].max(axis=1).fillna(0.0).to_numpy(dtype=np.float64)
+    return 1000.0 * verdict + np.minimum(errors, 999.0)
 
 
 SHOWN_OF_OUTCOMES = ("product", "status", "reason", "utc", "camera", "target", "profile")

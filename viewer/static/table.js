@@ -2,8 +2,8 @@
 import { backend } from "./api.js";
 
 const ROW_PX = 26, PAGE = 100;
-const WIDTHS = { product: 134, status: 68, reason: 420, camera: 130, utc: 150, note: 180, review: 74 };
-const SHOWN = ["product", "status", "sigma_px", "limb_rms_px", "review", "offset_px", "camera", "phase_deg", "radius_px", "utc", "reason"];
+const WIDTHS = { product: 134, status: 68, reason: 260, camera: 130, utc: 150, note: 180, review: 74 };
+const SHOWN = ["product", "status", "sigma_px", "limb_rms_px", "review", "reason", "offset_px", "camera", "phase_deg", "radius_px", "utc"];
 const HEADINGS = { sigma_px: "σ, px", limb_rms_px: "limb rms, px", offset_px: "offset, px", phase_deg: "phase", radius_px: "radius, px", status: "verdict", range_factor: "range x" };
 const ENDS = { sigma_px: [0.001, 10], limb_rms_px: [0.01, 10] };  // of the sparklines' logarithmic scale, px
 
