@@ -81,7 +81,7 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     request = chain.request
     result = EMPTY | {
         "product": request.product,
-        "image": shown_path(request.image),
+        "image": shown_path(request.image_place),
         "profile": request.profile.name,
         "profile_origin": profile_origin(request.profile),
     }
