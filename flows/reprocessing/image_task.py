@@ -19,6 +19,7 @@ from catalog.fetch.remote import image_had
 from catalog.lists.location import address_in
 from catalog.settings import archive_folder, cache_folder
 from catalog.times import now_utc
+from flows.flow_run import current_run
 from flows.options import BOOKS, ReprocessOptions, processors
 from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
 from flows.reprocessing.outcomes import Outcome, write_outcome
@@ -29,6 +30,7 @@ from flows.request import Request
 from flows.runners import THREADS
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
+from tasks.guidance.prefect_run import note_run
 from tasks.objectstore.places import place_of
 
 Job = dict[str, Any]
@@ -68,6 +70,7 @@ def perform(product: str, job: Job) -> State[None]:
         return Failed(message=f"{product}: {error.reason}")
     except (OSError, FailedError) as error:  # what it came to could not be written into the store
         raise PassingFaultError(f"{product}: {error}") from error
+    note_run(Path(job["request"]["store"]), product, current_run())
     if outcome.passing:
         raise PassingFaultError(f"{product}: {outcome.reason}")
     message = f"{product}: {outcome.status}" + (f": {outcome.reason}" if outcome.reason else "")
