@@ -11,6 +11,7 @@ from catalog.times import utc_from_et
 from tasks.stars.field import StarField
 from tasks.stars.image import StarImage
 from tasks.stars.orientation import focal_length_factor
+from tasks.stars.together import solved_text
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
@@ -136,6 +137,8 @@ def matches(field: StarField, found: StarImage) -> list[Json]:
 
 def as_text(content: Json) -> str:
     """The same for people."""
+    if "solved" in content:
+        return solved_text(content)
     if "camera" not in content:
         return f"{content['image']}: {content['reason']}"
     if not content["stars"]:
