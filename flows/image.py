@@ -57,9 +57,9 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, replace(corrected, known=corrected.known.separated(stars)))
     if not chain.read_only:
+        remember(request)
         forget(request)
         note_place(request.product_folder, request.image_place, frame.sha256)
-        remember(request)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 

@@ -174,6 +174,7 @@ class ReportOptions(Options):
     picture: tuple[str, ...] = opt(
         (), description="overlay, residual, planes, limb; repeat for more. Default: the first three."
     )
+    workers: int = opt(0, ge=0, description="Processes that draw; 0: one per processor.")
 
 
 class KernelsOptions(KernelOptions):

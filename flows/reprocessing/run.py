@@ -14,7 +14,6 @@ from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
 from catalog.spice import KernelLists
-from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions, absolute
 from flows.reprocessing.outcomes import Outcome, names_of, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
@@ -25,6 +24,7 @@ from flows.requests import fetch_missing, listed, requests_of_list
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.boundary import PUBLISHED
 from tasks.cache import prune, sweep_cache
+from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
 from tasks.publish.origin import note_place
