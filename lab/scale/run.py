@@ -1,6 +1,7 @@
 """What an archive costs on machines that share nothing but S3, and whether anything is lost when they are."""
 
 import json
+import math
 import random
 import resource
 import tempfile
@@ -22,7 +23,7 @@ from lab.simulate.small_archive import LIST, PROFILE_FILE, write_small_archive
 LEASE_S = "20"
 AWAY_S = 30.0
 TROUBLES = ("worker", "worker", "scheduler", "command", "s3")
-PAUSE_S = (5.0, 20.0)  # between two troubles
+PAUSE_S = (0.0, 6.0)  # from the publication of a product to the next trouble
 WARM_UP = 2
 RUN_TIMEOUT_S, STUCK_S = 3600.0, 300.0
 STORE, CACHE = f"s3://{BUCKET}/store", f"s3://{BUCKET}/cache"
@@ -147,8 +148,9 @@ def disturb(images: int, troubles: int, seed: int, tell: Callable[[str], None]) 
     """A list done while workers, the scheduler, the command and S3 are lost, one after another at random moments, and
     run again where the command ended; then what is in the store, and how often each product was published."""
     draw, counts, published, begun = random.Random(seed), Counter[str](), Counter[str](), 0
+    seen = 0
     with site(images, 2) as on:
-        command, since, next_s = on.start(), time.monotonic(), time.monotonic() + draw.uniform(*PAUSE_S)
+        command, since, next_s = on.start(), time.monotonic(), math.inf
         while True:
             time.sleep(0.5)
             on.cluster.tend()
@@ -159,12 +161,14 @@ def disturb(images: int, troubles: int, seed: int, tell: Callable[[str], None]) 
                     break
                 command, since, begun = on.start(), time.monotonic(), begun + 1
                 tell(f"the command begins again, {len(published)} of {images} published")
+            if len(published) > seen and next_s == math.inf:
+                next_s = time.monotonic() + draw.uniform(*PAUSE_S)
             if sum(counts.values()) < troubles and time.monotonic() > next_s:
                 trouble = TROUBLES[sum(counts.values()) % len(TROUBLES)]
                 tell(f"{len(published)} published: {trouble} is lost")
                 cause(on, trouble, command, draw)
                 counts[trouble] += 1
-                next_s = time.monotonic() + draw.uniform(*PAUSE_S)
+                seen, next_s = len(published), math.inf
         published += on.s3.requests().records
         found = {"images": images, "troubles": dict(counts), "begun_again": begun, **state_of(on)}
     return found | {"published_twice": sum(n > 1 for n in published.values())}
