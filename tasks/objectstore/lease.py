@@ -108,16 +108,18 @@ def acquired(store: ObjectStore, name: str, waiting: Callable[[], None]) -> Leas
     """The lease, once nobody else has it."""
     holder, seen, since = uuid.uuid4().hex, None, time.monotonic()
     while True:
+        tag = None
         with reaching(store):
-            tag = put_new(store, name, content_of_lease(holder)) or tag_of_own(store, name, holder)
-            if tag is None:
-                there = tag_of(store, name)
-                if there != seen:
-                    seen, since = there, time.monotonic()
-                elif there is not None and time.monotonic() - since > lease_s():
-                    tag = put_over(store, name, content_of_lease(holder), there)
+            there = tag_of(store, name) if seen else None
+            if there is None:
+                tag = put_new(store, name, content_of_lease(holder)) or tag_of_own(store, name, holder)
+                there = tag or tag_of(store, name)
+            elif there == seen and time.monotonic() - since > lease_s():
+                tag = put_over(store, name, content_of_lease(holder), there)
         if tag is not None:
             return Lease(store, name, holder, tag)
+        if there != seen:
+            seen, since = there, time.monotonic()
         waiting()
         time.sleep(LOOK_EVERY_S)
 
