@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.joint.contradiction import size_of
 from tasks.joint.gauss_newton import Solution
 from tasks.joint.normal_equations import scaled_inverse, solve_linear
 from tasks.joint.parameters import NAMES, OFFSET
@@ -83,12 +84,3 @@ def displacement_shown(solution: Solution, expected_px: float) -> Displacement:
     response = cross[-len(NAMES) :]
     response[solution.held] = 0
     return Displacement(size_px, fit.values[seen], np.sqrt(noise), response)
-
-
-def size_of(found: Array, noise: Array, passed: Array, expected: float, chance: float) -> float:
-    """1-sigma of what terms (n,) have in common, by moments: each is found with the variance `noise` (n,) plus
-    `passed` (n,) times the variance sought. 0 where the surplus is below `chance` times its own scatter."""
-    weight = 1 / (noise + passed * expected**2)
-    surplus = float(weight @ (found**2 - noise))
-    by_chance = float(np.sqrt(2 * weight**2 @ noise**2))
-    return float(np.sqrt(surplus / (weight @ passed))) if surplus > chance * by_chance else 0.0

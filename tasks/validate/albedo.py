@@ -9,7 +9,7 @@ taken to be as large (considered parameters; Bierman 1977, Factorization Methods
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.joint.displaced_markings import size_of
+from tasks.joint.contradiction import size_of
 from tasks.joint.normal_equations import scaled_inverse
 
 Array = NDArray[np.float64]

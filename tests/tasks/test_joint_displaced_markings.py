@@ -7,7 +7,8 @@ import pytest
 from lab.simulate.plant import pose_error
 from lab.simulate.small_world import clean_image, observed, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.displaced_markings import size_of, terms
+from tasks.joint.contradiction import size_of
+from tasks.joint.displaced_markings import terms
 from tasks.joint.problem import DistortionError
 
 ONCE = JointSettings(second_start=False)
