@@ -34,6 +34,11 @@ def cache_folder() -> Path:
     return _own_folder("XDG_CACHE_HOME", ".cache", "PLANETPOSE_CACHE") / "planetpose"
 
 
+def shared_cache_url() -> str | None:
+    """Address of results of steps that several machines share: PLANETPOSE_SHARED_CACHE, else none."""
+    return os.environ.get("PLANETPOSE_SHARED_CACHE") or None
+
+
 def state_folder() -> Path:
     """Folder of what outlives a command (the local Prefect server and its database): PLANETPOSE_STATE, else XDG's."""
     configured = os.environ.get("PLANETPOSE_STATE")

@@ -17,6 +17,7 @@ from flows.options import (
     MosaicOptions,
     PhotometryOptions,
     ReportOptions,
+    processors,
 )
 from flows.rows import Row, Show, refuse_unknown
 from flows.star_options import AstrometryOptions, StarsOptions
@@ -124,7 +125,8 @@ def report(options: ReportOptions, show: Show) -> None:
 
     refuse_unknown("picture", options.picture, KINDS)
     progress = lambda product: show(Row(f"  {product}", minor=True, aside=True))  # noqa: E731 - one line
-    written = write_report(options.store, options.out, options.picture or USUAL, tell=progress)
+    workers = options.workers or processors()
+    written = write_report(options.store, options.out, options.picture or USUAL, progress, workers)
     for name, why in written.missing.items():
         show(Row(f"{name}: not drawn: {why}", good=False, aside=True))
     for name, why in written.broken.items():

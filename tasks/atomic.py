@@ -33,7 +33,7 @@ def folder_put_in_place(folder: Path, keep: Callable[[], bool] | None = None) ->
     it is disturbed.
     """
     folder.parent.mkdir(parents=True, exist_ok=True)
-    sweep_temporaries(folder.parent)
+    _sweep_at_times(folder.parent)
     temporary = folder.parent / _temporary_name(folder.name)
     temporary.mkdir()
     try:
@@ -59,7 +59,7 @@ def file_put_in_place(path: Path) -> Iterator[Path]:
     """Yield the name of a hidden file beside `path` that takes its place at the end, unless the block raises. A reader
     finds the old content or the new one."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    sweep_temporaries(path.parent)
+    _sweep_at_times(path.parent)
     temporary = path.parent / _temporary_name(path.name)
     try:
         yield temporary
@@ -67,6 +67,22 @@ def file_put_in_place(path: Path) -> Iterator[Path]:
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def put_in_place_of_any(path: Path) -> Iterator[Path]:
+    """Yield the name of a hidden file or folder beside `path`, to be made, that takes its place at the end, unless the
+    block raises, be it a file or a folder that is there."""
+    _sweep_at_times(path.parent)
+    temporary = path.parent / _temporary_name(path.name)
+    try:
+        yield temporary
+        flush_folder(temporary) if temporary.is_dir() else flush_file(temporary)
+        if not os.path.lexists(path) or not exchange(temporary, path):
+            _exchange_in_two_steps(temporary, path)
+        _flush_names(path.parent)
+    finally:
+        _remove(temporary)
 
 
 @contextmanager
@@ -163,11 +179,27 @@ def _exchange_in_two_steps(temporary: Path, folder: Path) -> None:
         _remove(aside)
 
 
-def sweep_temporaries(parent: Path) -> None:
-    """Delete what killed writers left in `parent`: those of this machine at once, of others after a day."""
-    for path in parent.glob(f".*{TEMPORARY_SUFFIX}"):
-        if _is_abandoned(path):
-            _remove(path)
+def sweep_temporaries(parent: Path) -> int:
+    """Delete what killed writers left in `parent`: those of this machine at once, of others after a day. Returns how
+    many names the folder has."""
+    try:
+        names = os.listdir(parent)
+    except OSError:  # not there yet, or somebody else's
+        return 0
+    for name in names:
+        if name[0] == "." and name.endswith(TEMPORARY_SUFFIX) and _is_abandoned(parent / name):
+            _remove(parent / name)
+    return len(names)
+
+
+_writes_left: dict[Path, int] = {}
+
+
+def _sweep_at_times(parent: Path) -> None:
+    """Sweep before a writer's first file in a folder, and then once in as many of its files as the folder has: a look
+    at all names for each of them would make N products cost N times N."""
+    left = _writes_left.get(parent, 0)
+    _writes_left[parent] = left - 1 if left > 0 else sweep_temporaries(parent)
 
 
 def _is_abandoned(path: Path) -> bool:

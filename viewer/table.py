@@ -11,8 +11,9 @@ import numpy as np
 
 from catalog.errors import WrongOptionError
 from flows.options import BOOKS
-from flows.reprocessing.outcomes import Outcome, all_outcomes
+from flows.reprocessing.outcomes import all_outcomes
 from tasks.boundary import PUBLISHED
+from tasks.diagnose.failed_folder import failed_results
 from tasks.guidance.decisions import all_reviews
 from tasks.publish.index import open_index
 from viewer.filters import ALIASES, filtered
@@ -131,7 +132,7 @@ def prepared(store: Path) -> "pd.DataFrame":
     table["offset_px"] = np.hypot(table["offset_x_px"], table["offset_y_px"])
     others = without_product(store, set(table["product"]))
     if others:
-        more = pd.DataFrame([{name: getattr(each, name) for name in SHOWN_OF_OUTCOMES} for each in others])
+        more = pd.DataFrame(others, columns=list(SHOWN_OF_OUTCOMES))
         more["utc"] = pd.to_datetime(more["utc"], utc=True, format="ISO8601").astype(table["utc"].dtype)
         table = pd.concat([table, more.astype({"product": "str"})], ignore_index=True)
     reviews = all_reviews(store)
@@ -145,10 +146,16 @@ def prepared(store: Path) -> "pd.DataFrame":
 SHOWN_OF_OUTCOMES = ("product", "status", "reason", "utc", "camera", "target", "profile")
 
 
-def without_product(store: Path, products: set[str]) -> list[Outcome]:
-    """Images that runs of `reprocess` refused or failed, and that have no product."""
-    found = all_outcomes(Path(store) / BOOKS)
-    return [each for each in found if each.status not in PUBLISHED and each.product not in products]
+def without_product(store: Path, products: set[str]) -> list[dict[str, Any]]:
+    """Images that were refused or failed and have no product: as runs of `reprocess` remember them, and as failed
+    images left them in the store, which is what was done last."""
+    remembered = (each.__dict__ for each in all_outcomes(Path(store) / BOOKS) if each.status not in PUBLISHED)
+    found = {each["product"]: each for each in (*remembered, *failed_results(store))}
+    return [
+        {name: each.get(name) for name in SHOWN_OF_OUTCOMES}
+        for product, each in sorted(found.items())
+        if product not in products
+    ]
 
 
 def known_column(table: "pd.DataFrame", name: str) -> str:

@@ -1,6 +1,5 @@
 """The same scene and image at a fraction of the resolution; a pose means the same to both."""
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,4 +56,6 @@ def reduced_observation(observation: Observation, n: int) -> Observation:
 def _cells(a: NDArray[np.float64], n: int) -> NDArray[np.float64]:
     """Means of n x n cells; OpenCV's area resampling by a whole factor is that, in a tenth of numpy's time."""
     ny, nx = a.shape[0] // n, a.shape[1] // n
+    import cv2
+
     return cv2.resize(a[: ny * n, : nx * n], (nx, ny), interpolation=cv2.INTER_AREA)

@@ -4,7 +4,7 @@ import hashlib
 import logging
 import os
 import re
-from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,13 +14,14 @@ from catalog.regular_file import is_folder
 from catalog.settings import cache_folder, state_folder
 from tasks.boundary import PUBLISHED
 from tasks.objectstore.location import is_url, open_object_store
+from tasks.publish.index_parts import PART_ROWS
 
 if TYPE_CHECKING:
     import pandas as pd
 
 logger = logging.getLogger("planetpose")
-# Products that an index may lack while a batch publishes more, as a share of those in it. Choice: all updates together
-# then read and write eleven times as many rows as there are products, however many there are.
+# Products that an index may lack while a batch publishes more, as a share of those in it, or in one part of it. Choice:
+# all updates together then write eleven times as many rows as there are products, however many there are.
 SHARE = 0.1
 
 
@@ -86,27 +87,30 @@ def index_object_store(url: str) -> "pd.DataFrame":
 def note_in_index(store: Path, result: dict[str, Any]) -> None:
     """Bring the index of `store` up to date when `result` is of an image that was published just now."""
     if is_new(result):
-        index_store(store)
+        index_store(store, [result["product"]] if "product" in result else None)
 
 
 class Indexing:
     """Keeps the indices of the stores that a batch publishes to: each is brought up to date when the products that it
-    lacks are more than SHARE of those in it, and when the `with` block ends. Doing so after each product would read and
-    write all rows as often as there are products."""
+    lacks are more than SHARE of those in it, or in one part of it, and when the `with` block ends. Doing so after each
+    product would write a part as often as there are products."""
 
     def __init__(self) -> None:
-        self._lacking: Counter[Path] = Counter()
+        self._lacking: dict[Path, list[str | None]] = {}
         self._rows: dict[Path, int] = {}
 
     def note(self, store: Path, result: dict[str, Any]) -> None:
         """Bring the index of `store` up to date if that is due now that `result` is there."""
         if is_new(result):
-            self._lacking[store] += 1
-            if self._lacking[store] > SHARE * self._rows.get(store, 0):
+            lacking = self._lacking.setdefault(store, [])
+            lacking.append(result.get("product"))
+            if len(lacking) > SHARE * min(self._rows.get(store, 0), PART_ROWS):
                 self._update(store)
 
     def _update(self, store: Path) -> None:
-        self._rows[store] = index_store(store)
+        named = [product for product in self._lacking[store] if product is not None]
+        all_named = len(named) == len(self._lacking[store])
+        self._rows[store] = index_store(store, named) if all_named else index_store(store)
         del self._lacking[store]
 
     def __enter__(self) -> "Indexing":
@@ -122,12 +126,13 @@ def is_new(result: dict[str, Any]) -> bool:
     return result["status"] in PUBLISHED and "publish" not in result["cached"]
 
 
-def index_store(store: Path) -> int:
-    """Bring the index of `store` up to date; how many rows it has then."""
-    from tasks.publish.index import open_index
+def index_store(store: Path, products: Collection[str] | None = None) -> int:
+    """Bring the index of `store` up to date; how many rows it has then. products: those that may have changed, where
+    that is known; the others are not looked at."""
+    from tasks.publish.index import open_index, update_index
 
     try:
-        return len(open_index(store))
+        return len(open_index(store)) if products is None else update_index(store, products)
     except OSError as error:  # the products are there all the same, and the next reader brings it up to date
         logger.warning("the index of %s was not written: %s", store, error)
         return 0

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING
 
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
-from catalog.safe_name import is_safe_product_name
+from catalog.safe_name import INDEX, is_safe_product_name
+from tasks.objectstore.index_upload import upload_index
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.objectstore.publishing import CUBE_OPENER
-from tasks.publish.index import INDEX, open_index
+from tasks.publish.index import open_index
 from tasks.publish.names import RESULT
 from tasks.record import RECORD_FILE
 
@@ -85,7 +86,7 @@ def object_store_index(store: ObjectStore, mirror: Path) -> "pd.DataFrame":
     mirror.mkdir(parents=True, exist_ok=True)
     there = whole_products(store)
     for folder in mirror.iterdir():
-        if folder.is_dir() and folder.name not in there:
+        if folder.is_dir() and folder.name not in there and folder.name != INDEX:
             shutil.rmtree(folder, ignore_errors=True)
     with reaching(store):
         for product, written in there.items():
@@ -97,9 +98,7 @@ def object_store_index(store: ObjectStore, mirror: Path) -> "pd.DataFrame":
 def publish_index(store: ObjectStore, mirror: Path) -> "pd.DataFrame":
     """The same, and the store's `index.parquet` is replaced by it."""
     table = object_store_index(store, mirror)
-    if (mirror / INDEX).is_file():
-        with reaching(store):
-            store.files.put_file(str(mirror / INDEX), store.path(INDEX))
+    upload_index(mirror, store)
     return table
 
 

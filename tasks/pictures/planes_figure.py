@@ -1,19 +1,18 @@
 """The planes of a cube, side by side."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from catalog.observation import UNUSABLE, Quality
-from tasks.pictures.canvas import BLUE, ORANGE, RED, canvas
+from tasks.pictures.canvas import BLUE, ORANGE, RED
 from tasks.pictures.product import opened_cube
+from tasks.pictures.sheet import Bar, Extent, Sheet, coloured
 
 if TYPE_CHECKING:
     import xarray as xr
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 # cividis and twilight are even in lightness for colour-blind eyes too; longitude runs in a circle.
 PANELS = (
@@ -36,19 +35,18 @@ KINDS = (
 MARGIN = 0.06
 HIGH_PERCENTILE = 97.0  # resolution and uncertainty grow without bound towards limb and poles
 LARGEST_PX = 360
-Extent = tuple[float, float, float, float]
+CELL_PX = (330, 320)
 
 
-def planes_figure(folder: Path) -> "Figure":
+def planes_figure(folder: Path) -> Sheet:
     """Eight panels, cut to the body: coordinates, angles, resolution, uncertainty of the latitude, flags."""
     with opened_cube(folder) as cube:
         part = cube.isel(_around_the_body(cube))
-        figure, panels = canvas(2, 4, (3.0, 2.9))
-        for panel, (name, label, colours) in zip(panels, PANELS, strict=False):
-            _draw(panel, part[name].values, _extent(part), label, colours)
-        _draw_flags(panels[-1], part["quality"].values, _extent(part))
-        figure.suptitle(f"{cube.attrs['product']}: planes of the cube", fontsize=11)
-    return figure
+        sheet = Sheet(2, 4, CELL_PX, f"{cube.attrs['product']}: planes of the cube")
+        for number, (name, label, colours) in enumerate(PANELS):
+            _draw(sheet, number, part[name].values, _extent(part), label, colours)
+        _draw_flags(sheet, len(PANELS), part["quality"].values, _extent(part))
+    return sheet
 
 
 def _around_the_body(cube: "xr.Dataset") -> dict[str, slice]:
@@ -69,28 +67,16 @@ def _extent(part: "xr.Dataset") -> Extent:
     return float(x[0]) - 0.5, float(x[-1]) + 0.5, float(y[-1]) + 0.5, float(y[0]) - 0.5
 
 
-def _draw(panel: "Axes", values: NDArray, extent: Extent, label: str, colours: str) -> None:
+def _draw(sheet: Sheet, number: int, values: NDArray, extent: Extent, label: str, colours: str) -> None:
     finite = values[np.isfinite(values)]
-    limits: dict[str, Any] = {}
-    if finite.size:
-        low, high = (float(v) for v in np.percentile(finite, (0.5, HIGH_PERCENTILE)))
-        limits = {"vmin": low, "vmax": max(high, low + 1e-9)}
-    shown = panel.imshow(values, cmap=colours, extent=extent, interpolation="nearest", **limits)
-    panel.figure.colorbar(shown, ax=panel, shrink=0.8, extend="max")
-    panel.set_title(label if finite.size else f"{label}: unknown", fontsize=9)
-    panel.tick_params(labelsize=7)
+    low, high = (float(v) for v in np.percentile(finite, (0.5, HIGH_PERCENTILE))) if finite.size else (0.0, 1.0)
+    bar = Bar(low, max(high, low + 1e-9), colours)
+    sheet.panel(number, coloured(values, bar), extent, label if finite.size else f"{label}: unknown", bar)
 
 
-def _draw_flags(panel: "Axes", quality: NDArray, extent: Extent) -> None:
-    from matplotlib.colors import ListedColormap
-    from matplotlib.patches import Patch
-
+def _draw_flags(sheet: Sheet, number: int, quality: NDArray, extent: Extent) -> None:
     kind = np.full(quality.shape, len(KINDS) - 1)
-    for number, (_, _, flags) in reversed(list(enumerate(KINDS[:-1]))):
-        kind[(quality & np.uint16(flags)) != 0] = number
-    colours = ListedColormap([colour for _, colour, _ in KINDS])
-    panel.imshow(kind, cmap=colours, vmin=0, vmax=len(KINDS) - 1, extent=extent, interpolation="nearest")
-    panel.set_title("flags", fontsize=9)
-    panel.tick_params(labelsize=7)
-    handles = [Patch(facecolor=colour, edgecolor="0.4", label=name) for name, colour, _ in KINDS]
-    panel.legend(handles=handles, fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, frameon=False)
+    for place, (_, _, flags) in reversed(list(enumerate(KINDS[:-1]))):
+        kind[(quality & np.uint16(flags)) != 0] = place
+    colours = np.array([[int(colour[i : i + 2], 16) for i in (1, 3, 5)] for _, colour, _ in KINDS], np.uint8)
+    sheet.panel(number, colours[kind], extent, "flags", legend=[(name, colour) for name, colour, _ in KINDS])

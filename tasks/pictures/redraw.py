@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-from tasks.pictures.canvas import DRAWING
 from tasks.pictures.limb_figures import write_limb_figures
 from tasks.pictures.limb_profiles import compare_limbs
 from tasks.pictures.planes_figure import planes_figure
@@ -25,15 +24,13 @@ def draw_limb(folder: Path, basemap: Path | None = None) -> list[Path]:
 def draw_residual(folder: Path, basemap: Path | None = None) -> Path:
     """Draw image, simulation and residual, before and after the correction. Raises RefusedError as `read_product`."""
     product = read_product(folder, basemap)
-    with DRAWING:
-        residual_figure(product).savefig(folder / RESIDUAL, format="png")
+    residual_figure(product).save(folder / RESIDUAL)
     refresh_checksum(folder, RESIDUAL)
     return folder / RESIDUAL
 
 
 def draw_planes(folder: Path) -> Path:
     """Draw the planes of the cube. Raises RefusedError when the folder holds none."""
-    with DRAWING:
-        planes_figure(folder).savefig(folder / PLANES, format="png")
+    planes_figure(folder).save(folder / PLANES)
     refresh_checksum(folder, PLANES)
     return folder / PLANES

@@ -1,7 +1,6 @@
 """Image, simulation and what is left, under the predicted and the corrected pose."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +10,17 @@ from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.compare.brightness import fit_brightness
 from tasks.compare.match import framed_window, match_scene
-from tasks.pictures.canvas import GAMMA, SKY, YELLOW, canvas
+from tasks.pictures.canvas import GAMMA, SKY, YELLOW
 from tasks.pictures.product import Product
+from tasks.pictures.sheet import Bar, Curve, Extent, Pixels, Sheet, coloured
 from tasks.project.curves import limb_points
 from tasks.simulate.window import Window
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 LIMB_POINTS = 360
 LARGEST_RESIDUAL = 0.3  # of the disk's bright parts
 MARGIN_PX = 12.0
+CELL_PX = (396, 363)
+GREY = (153, 153, 153)
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ def residual_of(product: Product, pose: Pose) -> Residual | None:
     return Residual(image, model, relative, match.origin, limb)
 
 
-def residual_figure(product: Product) -> "Figure":
+def residual_figure(product: Product) -> Sheet:
     """A row for the corrected pose and one for the predicted one, if its target is in the picture: image with the limb,
     simulation, residual in per cent of the disk's bright parts."""
     after = residual_of(product, product.after)
@@ -71,26 +69,19 @@ def residual_figure(product: Product) -> "Figure":
         raise FailedError(Reason.NO_USABLE_PIXELS, f"no usable pixel of {product.name} shows the target.")
     before = residual_of(product, product.before)
     rows = [("corrected", after, SKY)] + ([("predicted", before, YELLOW)] if before else [])
-    figure, panels = canvas(len(rows), 3, (3.6, 3.3))
-    for row, (name, found, colour) in enumerate(rows):
-        three = panels[3 * row : 3 * row + 3]
-        scale = np.nanpercentile(found.model, 1), np.nanpercentile(found.model, 99.7)
-        for panel, values, title in ((three[0], found.image, "image"), (three[1], found.model, "simulation")):
-            _show(panel, values, found, scale)
-            panel.set_title(f"{title}, {name} pose", fontsize=9)
-        three[0].plot(*_closed(found.limb_px), color=colour, linewidth=1.0, linestyle="-" if row == 0 else "--")
-        _frame(three[0], found)
-        reach = 100 * float(np.clip(np.nanpercentile(np.abs(found.relative), 99.5), 0.01, LARGEST_RESIDUAL))
-        shown = three[2].imshow(100 * found.relative, cmap="PuOr", vmin=-reach, vmax=reach, extent=_extent(found),
-                                interpolation="nearest")  # fmt: skip
-        three[2].set_facecolor("0.6")
-        three[2].set_title(f"image minus simulation, {100 * found.rms:.1f} % rms", fontsize=9)
-        figure.colorbar(shown, ax=three[2], label="% of bright parts", shrink=0.85, extend="both")
-    for panel in panels:
-        panel.tick_params(labelsize=7)
     lost = "" if before else " (the predicted pose has the target elsewhere)"
-    figure.suptitle(f"{product.name}{lost}", fontsize=11)
-    return figure
+    sheet = Sheet(len(rows), 3, CELL_PX, f"{product.name}{lost}")
+    for row, (name, found, colour) in enumerate(rows):
+        extent = _extent(found)
+        scale = np.nanpercentile(found.model, 1), np.nanpercentile(found.model, 99.7)
+        limb = Curve(np.vstack([found.limb_px, found.limb_px[:1]]), colour, dashed=row > 0)
+        sheet.panel(3 * row, _grey(found.image, scale), extent, f"image, {name} pose", curves=[limb])
+        sheet.panel(3 * row + 1, _grey(found.model, scale), extent, f"simulation, {name} pose")
+        reach = 100 * float(np.clip(np.nanpercentile(np.abs(found.relative), 99.5), 0.01, LARGEST_RESIDUAL))
+        bar = Bar(-reach, reach, "PuOr", (True, True), "%")
+        title = f"image - simulation, {100 * found.rms:.1f} % rms of bright parts"
+        sheet.panel(3 * row + 2, coloured(100 * found.relative, bar, GREY), extent, title, bar)
+    return sheet
 
 
 def _sees(pose: Pose, product: Product, window: Window) -> bool:
@@ -99,22 +90,12 @@ def _sees(pose: Pose, product: Product, window: Window) -> bool:
     return bool(np.isfinite(limb).all() and inside.mean() > 0.3)
 
 
-def _show(panel: "Axes", values: NDArray, found: Residual, scale: tuple[float, float]) -> None:
+def _grey(values: NDArray, scale: tuple[float, float]) -> Pixels:
     shown = np.clip((values - scale[0]) / max(scale[1] - scale[0], 1e-12), 0, 1) ** GAMMA
-    panel.imshow(shown, cmap="gray", vmin=0, vmax=1, extent=_extent(found), interpolation="nearest")
+    return np.repeat((255 * np.nan_to_num(shown)).astype(np.uint8)[..., None], 3, axis=2)
 
 
-def _extent(found: Residual) -> tuple[float, float, float, float]:
+def _extent(found: Residual) -> Extent:
     ny, nx = found.image.shape
     x, y = found.origin
     return x - 0.5, x + nx - 0.5, y + ny - 0.5, y - 0.5
-
-
-def _frame(panel: "Axes", found: Residual) -> None:
-    x0, x1, y1, y0 = _extent(found)
-    panel.set_xlim(x0, x1)
-    panel.set_ylim(y1, y0)
-
-
-def _closed(xy: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.vstack([xy, xy[:1]]).T

@@ -1,11 +1,13 @@
 """The store's index: one table of all images, `index.parquet`, that every reader of Parquet opens with one call.
 
 The cubes are the truth, the index is a copy: it is compared with them whenever it is opened here, rows of new or
-changed products are read anew, and the file is exchanged as a whole. Nothing is lost when a writer dies, and of several
-writers, which a file lock puts in order, the last one has seen all that the others published.
+changed products are read anew, and the files that hold them are exchanged (see `index_parts`). Nothing is lost when a
+writer dies, and of several writers, which a file lock puts in order, the last one has seen all that the others
+published. Who knows what was published needs no comparison: `update_index`.
 """
 
-from collections.abc import Iterator
+import os
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,8 +16,16 @@ from catalog.errors import RefusedError
 from catalog.plain_text import printable
 from catalog.reasons import Reason
 from catalog.safe_name import INDEX
-from tasks.atomic import file_put_in_place, locked
+from tasks.atomic import locked
 from tasks.publish.cube import open_cube
+from tasks.publish.index_parts import (
+    ORDER,
+    count_rows,
+    products_of_parts,
+    read_whole,
+    write_rows,
+    write_whole,
+)
 from tasks.publish.index_rows import COLUMNS, NAMES, UNREADABLE, row_of, stamp_of
 
 if TYPE_CHECKING:
@@ -37,9 +47,16 @@ def open_index(store: Path) -> "pd.DataFrame":
     if known is not None and _agrees(known, stamps):
         return known
     with _writing(store) as writable:
-        index = _brought_up_to_date(store, read_index(store), product_stamps(store))
+        known, stamps = read_index(store), product_stamps(store)
+        if known is not None and _agrees(known, stamps):  # another writer was quicker
+            return known
+        index, rows = _brought_up_to_date(store, known, stamps)
         if writable:
-            _write(index, store)
+            parts = products_of_parts(store)
+            if known is None or parts is None or 2 * len(rows) > len(index):
+                write_whole(store, index)
+            else:
+                write_rows(store, parts, rows, set(known["product"]) - stamps.keys())
     return index
 
 
@@ -47,10 +64,25 @@ def rebuild_index(store: Path) -> "pd.DataFrame":
     """The same, with every row read from its cube, and no regard for what the file said."""
     store = _existing(store)
     with _writing(store) as writable:
-        index = _brought_up_to_date(store, None, product_stamps(store))
+        index, _ = _brought_up_to_date(store, None, product_stamps(store))
         if writable:
-            _write(index, store)
+            write_whole(store, index)
     return index
+
+
+def update_index(store: Path, products: Collection[str]) -> int:
+    """Bring the rows of these products up to date, which were published or deleted just now, and look at no other one;
+    a store whose index is missing or damaged gets a whole one. Returns how many rows there are then, 0 where the store
+    cannot be written to. Raises RefusedError when there is no store."""
+    store = _existing(store)
+    with _writing(store) as writable:
+        parts = products_of_parts(store) if writable else None
+        if parts is not None:
+            stamps = {name: stamp_of(store / name) for name in products}
+            rows = table_of([row_of(store / name, stamp) for name, stamp in stamps.items() if stamp is not None])
+            write_rows(store, parts, rows, [name for name, stamp in stamps.items() if stamp is None])
+            return count_rows(store)
+    return len(open_index(store)) if writable else 0
 
 
 def open_store(store: Path) -> "xr.DataTree":
@@ -64,21 +96,23 @@ def open_store(store: Path) -> "xr.DataTree":
 
 
 def read_index(store: Path) -> "pd.DataFrame | None":
-    """The index as the file has it; None when there is none, it is damaged, or another version wrote it."""
-    import pandas as pd
-    from pyarrow.lib import ArrowException
-
-    try:
-        index = pd.read_parquet(Path(store) / INDEX)
-    except (OSError, ValueError, ArrowException):
-        return None
-    return index if tuple(index.columns) == NAMES else None
+    """The index as its files have it; None when there is none, it is damaged, or another version wrote it. Of several
+    parts those that can be read."""
+    return read_whole(store)
 
 
 def product_stamps(store: Path) -> dict[str, str]:
     """The stamp of every product in the store, by name."""
-    folders = sorted(path for path in Path(store).iterdir() if not path.name.startswith("."))
-    return {printable(path.name): stamp for path in folders if (stamp := stamp_of(path)) is not None}
+    names = sorted(product_folders(store))
+    return {printable(name): stamp for name in names if (stamp := stamp_of(os.path.join(store, name))) is not None}
+
+
+def product_folders(store: Path) -> Iterator[str]:
+    """Names of what may be a product: folders that are not hidden, and no index; nothing in them is looked at."""
+    with os.scandir(store) as entries:
+        for entry in entries:
+            if entry.name[0] != "." and entry.name != INDEX and entry.is_dir():
+                yield entry.name
 
 
 def table_of(rows: list[dict[str, Any]]) -> "pd.DataFrame":
@@ -89,30 +123,29 @@ def table_of(rows: list[dict[str, Any]]) -> "pd.DataFrame":
     types = {"text": "str", "number": "float64", "whole": "Int64"}
     table["utc"] = pd.to_datetime(table["utc"], utc=True, format="ISO8601").astype("datetime64[us, UTC]")
     table = table.astype({column.name: types[column.kind] for column in COLUMNS if column.kind in types})
-    return table.sort_values(["et", "product"], ignore_index=True)
+    return table.sort_values(ORDER, ignore_index=True)
 
 
 def _agrees(index: "pd.DataFrame", stamps: dict[str, str]) -> bool:
-    return dict(zip(index["product"], index["stamp"], strict=True)) == stamps
+    return len(index) == len(stamps) and dict(zip(index["product"], index["stamp"], strict=True)) == stamps
 
 
-def _brought_up_to_date(store: Path, known: "pd.DataFrame | None", stamps: dict[str, str]) -> "pd.DataFrame":
-    """Rows whose stamp is still true are kept, all others read."""
+def _brought_up_to_date(
+    store: Path, known: "pd.DataFrame | None", stamps: dict[str, str]
+) -> "tuple[pd.DataFrame, pd.DataFrame]":
+    """All rows, and those of them that were read just now: others, whose stamp is still true, are kept."""
     import pandas as pd
 
     if known is None:
-        return table_of([row_of(store / name, stamp) for name, stamp in stamps.items()])
+        index = table_of([row_of(store / name, stamp) for name, stamp in stamps.items()])
+        return index, index
     kept = known[[stamps.get(name) == stamp for name, stamp in zip(known["product"], known["stamp"], strict=True)]]
+    kept = kept.drop_duplicates("product")
     there = set(kept["product"])
-    new = [row_of(store / name, stamp) for name, stamp in stamps.items() if name not in there]
-    parts = [part for part in (kept, table_of(new)) if len(part)]
+    new = table_of([row_of(store / name, stamp) for name, stamp in stamps.items() if name not in there])
+    parts = [part for part in (kept, new) if len(part)]
     table = pd.concat(parts) if parts else table_of([])
-    return table.sort_values(["et", "product"], ignore_index=True)
-
-
-def _write(index: "pd.DataFrame", store: Path) -> None:
-    with file_put_in_place(store / INDEX) as temporary:
-        index.to_parquet(temporary, index=False)
+    return table.sort_values(ORDER, ignore_index=True), new
 
 
 @contextmanager

@@ -1,9 +1,11 @@
 """One row of the store's index: what a product says of itself, gathered from its cube's attributes and its result."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any
 
 import numpy as np
@@ -77,14 +79,18 @@ KINDS = {column.name: column.kind for column in COLUMNS}
 NAMES = tuple(column.name for column in COLUMNS)
 
 
-def stamp_of(folder: Path) -> str | None:
+def stamp_of(folder: str | Path) -> str | None:
     """Size and time of what a row is read from; None when the folder holds no cube."""
     try:
-        stats = [(folder / GROUP).stat()]
+        stats = [os.stat(os.path.join(folder, GROUP))]
     except OSError:
         return None
-    if (folder / RESULT).is_file():
-        stats.append((folder / RESULT).stat())
+    try:
+        result = os.stat(os.path.join(folder, RESULT))
+    except OSError:
+        result = None
+    if result is not None and S_ISREG(result.st_mode):
+        stats.append(result)
     return " ".join(f"{stat.st_size}:{stat.st_mtime_ns}" for stat in stats)
 
 

@@ -1,6 +1,5 @@
 """The report's pages, from the templates beside this module."""
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,12 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tasks.report.product import UNKNOWN, ImageEntry
+from tasks.report.rows import ROWS_PER_FILE, value_of
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
 
 FILTER = Path(__file__).with_name("filter.js")  # what fits a filter, in the page and in `planetpose view`
+TABLE = Path(__file__).with_name("table.js")
+PAGE_ROWS = 100
 
 
 @dataclass(frozen=True)
@@ -44,23 +46,35 @@ COLUMNS = (
 )
 
 
-def index_page(entries: Sequence[ImageEntry], figures: Sequence[dict[str, Any]], head: dict[str, Any]) -> str:
-    """The page with the table of all images and their distributions."""
-    verdicts = Counter(entry.status for entry in entries)
-    rows = [(entry, [cell(entry.row.get(column.name), column.digits) for column in COLUMNS]) for entry in entries]
-    template = environment().get_template("index.html.j2")
-    script, names = FILTER.read_text(encoding="utf-8"), ["product", *(column.name for column in COLUMNS)]
-    kinds = {"product": "text"} | {column.name: kind_of(column) for column in COLUMNS}
-    return template.render(
-        columns=COLUMNS,
-        rows=rows,
-        figures=figures,
-        head=head,
-        verdicts=verdicts,
-        script=script,
-        names=names,
-        kinds=kinds,
+def index_page(
+    first: Sequence[list[Any]], verdicts: Counter[str], figures: Sequence[dict[str, Any]], head: dict[str, Any]
+) -> str:
+    """The page with the table of images and their distributions. first: the rows (`row_of_table`) that it shows at
+    first; the others are in files beside it."""
+    cells = [[cell(value, column.digits) for value, column in zip(row[3:], COLUMNS, strict=True)] for row in first]
+    kinds = {"product": "text", "reason": "text"} | {column.name: kind_of(column) for column in COLUMNS}
+    return (
+        environment()
+        .get_template("index.html.j2")
+        .render(
+            columns=COLUMNS,
+            rows=list(zip(first, cells, strict=True)),
+            total=verdicts.total(),
+            per_page=PAGE_ROWS,
+            per_file=ROWS_PER_FILE,
+            figures=figures,
+            head=head,
+            verdicts=verdicts,
+            script=FILTER.read_text(encoding="utf-8") + TABLE.read_text(encoding="utf-8"),
+            kinds=kinds,
+            described=[{"name": column.name, "digits": column.digits} for column in COLUMNS],
+        )
     )
+
+
+def row_of_table(row: dict[str, Any], thumbnail: str | None, reason: str) -> list[Any]:
+    """Product, thumbnail, reason, and the values of the columns."""
+    return [row["product"], thumbnail, reason or None, *(value_of(row.get(column.name)) for column in COLUMNS)]
 
 
 def kind_of(column: Column) -> str:
@@ -68,21 +82,22 @@ def kind_of(column: Column) -> str:
     return "time" if column.name == "utc" else "text" if column.digits is None else "number"
 
 
-def image_page(entry: ImageEntry, head: dict[str, Any], pictures: str, neighbours: Sequence[str | None]) -> str:
-    """The page of one image; neighbours: products before and after it."""
+def image_page(
+    entry: ImageEntry, head: dict[str, Any], pictures: str, neighbours: Sequence[str | None], made: str = ""
+) -> str:
+    """The page of one image; neighbours: products before and after it. made: what it was made of, for later reports."""
     template = environment().get_template("image.html.j2")
-    return template.render(entry=entry, head=head, pictures=f"../{pictures}", before=neighbours[0], after=neighbours[1])
+    shown = {"pictures": f"../{pictures}", "before": neighbours[0], "after": neighbours[1], "made": made}
+    return template.render(entry=entry, head=head, **shown)
 
 
-def cell(value: Any, digits: int | None) -> tuple[str, str]:
-    """Text of a cell, and what it is sorted by (empty: unknown)."""
-    if value is None or (isinstance(value, float) and math.isnan(value)) or str(value) in ("NaT", "<NA>", "nan"):
-        return UNKNOWN, ""
+def cell(value: str | float | None, digits: int | None) -> str:
+    """Text of a cell."""
+    if value is None:
+        return UNKNOWN
     if digits is not None:
-        return f"{value:.{digits}f}", repr(float(value))
-    if hasattr(value, "strftime"):
-        return value.strftime("%Y-%m-%d %H:%M"), value.isoformat()
-    return str(value), str(value)
+        return f"{value:.{digits}f}"
+    return str(value)
 
 
 @cache
@@ -97,5 +112,6 @@ def environment() -> "Environment":
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    made.filters["minutes"] = lambda text: text[:16].replace("T", " ")
     made.filters["figure_number"] = lambda value, digits: f"{value:.{digits}g}"
     return made

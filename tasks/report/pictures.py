@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 FIGURES = "figures"
 KINDS = ("overlay", "residual", "planes", "limb")
 USUAL = ("overlay", "residual", "planes")
-KEPT = ("residual", "planes")  # slow to draw: pictures younger than their product are not drawn again
 CAPTIONS = {
     "overlay": (
         "Limb, grid and terminator",
@@ -35,13 +34,10 @@ def drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
     """Make the pictures of one kind in the folder `pictures`."""
     from shutil import copyfile
 
-    from tasks.pictures.canvas import DRAWING
     from tasks.pictures.product import read_product
     from tasks.publish.names import OVERLAY
 
     path = pictures / f"{product}-{kind}.png"
-    if kind in KEPT and path.is_file() and path.stat().st_mtime > last_change(folder):
-        return [path]
     if kind == "overlay":
         copyfile(folder / OVERLAY, path)
         return [path]
@@ -53,9 +49,8 @@ def drawn(kind: str, folder: Path, pictures: Path, product: str) -> list[Path]:
     from tasks.pictures.planes_figure import planes_figure
     from tasks.pictures.residual_figure import residual_figure
 
-    with DRAWING:
-        figure = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
-        figure.savefig(path, format="png")
+    sheet = planes_figure(folder) if kind == "planes" else residual_figure(read_product(folder))
+    sheet.save(path)
     return [path]
 
 
@@ -73,20 +68,21 @@ def heading_and_caption(kind: str, stem: str) -> tuple[str, str]:
     return (f"{heading}: {stem.rpartition('-')[2]}", caption) if kind == "limb" else (heading, caption)
 
 
-def distributions(index: "pd.DataFrame", folder: Path) -> list[dict[str, Any]]:
-    """Draw the figures of all images together."""
+def distributions(index: "pd.DataFrame", folder: Path, same: bool = False) -> list[dict[str, Any]]:
+    """Draw the figures of all images together. same: the folder has them already."""
     from tasks.pictures.canvas import DRAWING
     from tasks.pictures.store_figures import QUANTITIES, distribution_figure, spread_by_camera
 
     readable = index[index["status"] != UNREADABLE]
     made = []
     for quantity in QUANTITIES:
-        with DRAWING:
-            figure = distribution_figure(readable, quantity)
-            if figure is None:
-                continue
-            path = folder / f"{quantity.name}.png"
-            figure.savefig(path, format="png")
+        path = folder / f"{quantity.name}.png"
+        if not (same and path.is_file()):
+            with DRAWING:
+                figure = distribution_figure(readable, quantity)
+                if figure is None:
+                    continue
+                figure.savefig(path, format="png")
         rows = spread_by_camera(readable, quantity)
         made.append(
             {

@@ -189,10 +189,10 @@ def test_a_lost_connection_is_a_fault_that_can_pass(url: str, monkeypatch: pytes
 
     store = open_object_store(url)
 
-    def lost(_: str) -> bytes:
+    def lost(*_: str, **__: str) -> bytes:
         raise EndpointConnectionError(endpoint_url="http://127.0.0.1:9")
 
-    monkeypatch.setattr(store.files, "cat_file", lost)
+    monkeypatch.setattr(store.files, "call_s3", lost)
     with pytest.raises(FailedError, match="cannot be reached") as unreachable:
         published_key(store, "C0001")
     assert can_pass(unreachable.value)

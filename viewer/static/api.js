@@ -27,6 +27,7 @@ class Server {
     return new Float32Array(await (await get(path)).arrayBuffer());
   }
   at(name, x, y) { return getJson(`api/products/${named(name)}/at?${query({ x, y })}`); }
+  flow(name) { return getJson(`api/products/${named(name)}/flow`); }
   find(name, place) { return getJson(`api/products/${named(name)}/find?${query({ place })}`); }
   smallPicture(name) { return `api/products/${named(name)}/small.png`; }
   async post(path, content) {

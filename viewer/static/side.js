@@ -15,6 +15,11 @@ export function showSide(page, row) {
   of("product-name").textContent = page.product;
   of("verdict").replaceChildren(marked(row.status ?? result.status ?? "unknown"), row.review ? " " : "", row.review ? marked(row.review) : "");
   of("reason").textContent = row.reason ?? "";
+  showAdvice(page.advice ?? []);
+  showTried(page.tried ?? []);
+  showRun(page.run);
+  of("failed-later").hidden = !page.failed_later;
+  of("failed-later").textContent = page.failed_later ? `The product is older than the latest try, which failed: ${page.failed_later}` : "";
   const rows = VALUES.map(([name, key, digits]) => [name, result[key] ?? row[key], result.uncertainty?.[key], digits, key]).filter(([, value]) => value !== null && value !== undefined);
   if (result.similarity?.after !== undefined && result.similarity?.after !== null) rows.push(["similarity", `${figure(result.similarity.before, 3)} → ${figure(result.similarity.after, 3)}`]);
   if (result.orientation?.markings) rows.push(["orientation", result.orientation.markings]);
@@ -36,6 +41,36 @@ export function showSide(page, row) {
     if (decision.undone) { item.className = "undone"; item.title = `undone ${decision.undone}`; }
     return item;
   }).reverse());
+}
+
+// Meaning and remedy of each code in the reason.
+function showAdvice(advice) {
+  of("advice").hidden = !advice.length;
+  of("advice").querySelector("dl").replaceChildren(...advice.flatMap(({ code, meaning, remedy }) => {
+    const head = document.createElement("dt"), text = document.createElement("dd"), todo = document.createElement("dd");
+    [head.textContent, text.textContent, todo.textContent] = [code, plain(meaning), `To do: ${plain(remedy)}`];
+    return [head, text, todo];
+  }));
+}
+// The texts are Markdown with code and links.
+const plain = (text) => text.replaceAll("`", "").replace(/\[([^\]]+)\]\([^)]*\)/g, "$1");
+
+function showTried(tried) {
+  of("tried").hidden = !tried.length;
+  const best = tried.reduce((found, each) => (!found || each.likeness > found.likeness ? each : found), null);
+  of("tried").querySelector("tbody").replaceChildren(...tried.map((each) => {
+    const line = document.createElement("tr");
+    if (each === best) line.className = "best";
+    line.title = each.fault ?? "";
+    const name = each.tried.replaceAll("-", " ");
+    for (const text of [name, each.likeness?.toFixed(3), each.size?.toFixed(3), each.limb_px?.toFixed(2) ?? "not measured"]) line.insertCell().textContent = text ?? "";
+    return line;
+  }));
+}
+
+function showRun(run) {
+  of("run").hidden = !run?.url;
+  if (run?.url) Object.assign(of("run").querySelector("a"), { href: run.url, textContent: run.name || run.flow_run, title: run.at ?? "" });
 }
 
 function marked(text) {

@@ -216,3 +216,100 @@ def test_filters_of_the_page_know_numbers_and_say_what_is_wrong(report, page: Pa
     assert typed("phase > much") == []
     assert "is a number" in page.ask("document.getElementById('shown').textContent")
     assert page.complaints == []
+
+
+@pytest.fixture
+def reported(lunar_lambert_store, tmp_path) -> Path:
+    for product in (FINE, DOUBTFUL):
+        shutil.copytree(lunar_lambert_store / product, tmp_path / "store" / product)
+    return tmp_path
+
+
+def shown_files(out: Path) -> dict[str, int]:
+    return {str(path.relative_to(out)): path.stat().st_mtime_ns for path in out.rglob("*.png")} | {
+        str(path.relative_to(out)): path.stat().st_mtime_ns for path in (out / "images").glob("*.html")
+    }
+
+
+def changed_files(before: dict[str, int], after: dict[str, int]) -> set[str]:
+    return {name for name in after if after[name] != before.get(name)}
+
+
+def test_only_what_would_be_another_picture_or_page_is_made_again(reported: Path) -> None:
+    store, out = reported / "store", reported / "out"
+    assert write_report(store, out, ("overlay", "planes")).drawn == 2
+    first = shown_files(out)
+    assert write_report(store, out, ("overlay", "planes")).drawn == 0
+    assert shown_files(out) == first
+    (out / "pictures" / f"{FINE}-planes.png").unlink()
+    assert write_report(store, out, ("overlay", "planes")).drawn == 1
+    second = shown_files(out)
+    assert not any(DOUBTFUL in name for name in changed_files(first, second))
+    result = store / DOUBTFUL / "result.json"
+    result.write_text(json.dumps(json.loads(result.read_text()) | {"limb_rms_px": 0.123456}))
+    assert write_report(store, out, ("overlay", "planes")).drawn == 1
+    third = changed_files(second, shown_files(out))
+    assert {f"pictures/{DOUBTFUL}-planes.png", f"images/{DOUBTFUL}.html", "figures/limb_rms.png"} <= third
+    assert not any(FINE in name for name in third)
+    shutil.copytree(store / FINE, store / "PHASE_013.0")  # a neighbour: its page follows, its pictures stay
+    write_report(store, out, ("overlay", "planes"))
+    assert not any(FINE in name for name in changed_files(second, shown_files(out)) if name.startswith("pictures/"))
+
+
+def test_a_picture_that_could_not_be_drawn_is_tried_again(reported: Path, monkeypatch) -> None:
+    from tasks.report import image
+
+    with monkeypatch.context() as patch:
+        patch.setattr(image, "drawn", lambda *_: (_ for _ in ()).throw(OSError("the disk is full")))
+        assert len(write_report(reported / "store", reported / "out", ("overlay",)).missing) == 2
+    written = write_report(reported / "store", reported / "out", ("overlay",))
+    assert (written.missing, written.drawn) == ({}, 2)
+
+
+def rows_of(count: int) -> list[list]:
+    from tasks.report.page import COLUMNS
+
+    texts = {"status": "ok", "camera": "VG1", "target": "europa", "utc": "1979-03-04T05:06:07+00:00"}
+
+    def row(number: int) -> list:
+        value = (number * 7919) % count + 0.5
+        return [f"P{number:06d}", None, None, *(texts.get(column.name, value) for column in COLUMNS)]
+
+    return [row(number) for number in range(count)]
+
+
+def write_table(out: Path, count: int) -> Path:
+    from collections import Counter
+
+    from tasks.report.page import PAGE_ROWS, index_page
+    from tasks.report.rows import write_rows
+
+    rows = rows_of(count)
+    write_rows(out, iter(rows))
+    text = index_page(rows[:PAGE_ROWS], Counter(ok=count), [], {"written": "now", "store": "large", "made": ""})
+    (out / "index.html").write_text(text)
+    return out / "index.html"
+
+
+def test_the_first_page_of_a_large_store_is_small(tmp_path: Path) -> None:
+    page = write_table(tmp_path, 30_000)
+    at_first = page.stat().st_size + (tmp_path / "rows" / "rows-0000.js").stat().st_size
+    assert at_first < 1e6
+    assert len(list((tmp_path / "rows").iterdir())) == 15
+    write_table(tmp_path, 10)
+    assert len(list((tmp_path / "rows").iterdir())) == 1
+
+
+def test_a_large_table_is_paged_sorted_and_filtered_as_a_whole(page: Page, tmp_path: Path) -> None:
+    page.open(write_table(tmp_path, 5000).as_uri())
+    assert len(page.ask(ROWS)) == 100
+    assert page.ask("place.textContent") == "1 to 100 of 5000"
+    page.ask("later.click()")
+    assert page.ask(ROWS)[0] == "P000100"
+    page.ask("[...document.querySelectorAll('thead button')].find(b => b.textContent === 'phase, deg').click()")
+    ready = "new Promise(done => {{ const look = () => {} ? done(true) : setTimeout(look, 20); look(); }})"
+    assert page.ask(ready.format("document.querySelector('#images tbody td:nth-child(7)').textContent === '0.5'"))
+    page.ask("filter.value = 'phase > 4990'; filter.dispatchEvent(new Event('input'))")
+    assert page.ask("shown.textContent") == "10 of 5000"
+    assert len(page.ask(ROWS)) == 10
+    assert page.complaints == []
