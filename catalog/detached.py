@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+from catalog.absent import absent_file
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from catalog.regular_file import is_folder, is_regular, open_regular
@@ -21,16 +22,22 @@ IS_LABEL = re.compile(rb"\s*(?:\xef\xbb\xbf)?(?:<\?xml|PDS_VERSION_ID|CCSD3ZF|Ob
 def label_beside(path: Path) -> Path | None:
     """The other file of an image: the label beside it (same name, .LBL, .lbl or .xml), or, where `path` is a label, the
     file with the pixels that it names; None when there is none."""
+    if known := absent_file(path):
+        return known.other
     described = _described(path)
     if described is not None:
         return described
-    names = [path, *([path.with_suffix("")] if path.suffix.lower() in PACKED_SUFFIXES else [])]
-    for name in names:
-        for suffix in LABEL_SUFFIXES:
-            beside = name.with_suffix(suffix)
-            if beside != path and is_regular(beside):
-                return beside
+    for name in label_names(path):
+        if is_regular(path.parent / name):
+            return path.parent / name
     return None
+
+
+def label_names(path: Path) -> list[str]:
+    """Names that the label beside an image may have, the first that is there being it."""
+    names = [path, *([path.with_suffix("")] if path.suffix.lower() in PACKED_SUFFIXES else [])]
+    beside = [name.with_suffix(suffix) for name in names for suffix in LABEL_SUFFIXES]
+    return [each.name for each in beside if each != path]
 
 
 def data_beside(label: Path, name: str) -> Path:
@@ -65,6 +72,13 @@ def _in_folder(label: Path, name: str) -> Path | None:
 
 def _described(path: Path) -> Path | None:
     """The file that a label names for its image; None where `path` is no label, or holds the image itself."""
+    name = name_described(path)
+    found = None if name is None else _in_folder(path, name)
+    return found if found != path else None
+
+
+def name_described(path: Path) -> str | None:
+    """The name that a label says its image has; None where `path` is no label."""
     try:
         with open_regular(path) as file:
             head = file.read(200)
@@ -73,9 +87,5 @@ def _described(path: Path) -> Path | None:
             text = head + file.read(MAX_LABEL_BYTES)
     except OSError:
         return None
-    for pointer in POINTERS:
-        match = pointer.search(text)
-        if match is not None:
-            found = _in_folder(path, match.group(1).decode("latin-1"))
-            return found if found != path else None
-    return None
+    matches = (pointer.search(text) for pointer in POINTERS)
+    return next((match.group(1).decode("latin-1") for match in matches if match), None)

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from catalog.absent import absent_file
 from catalog.basemap import MAX_MAP_BYTES
 from catalog.body import MAX_SHAPE_BYTES
 from catalog.digest import input_changed, sha256_of_file
@@ -25,6 +26,8 @@ LARGEST_BYTES = {
 def digest_of(path: Path, what: str) -> str:
     """Content hash of a file that the user named. Raises RefusedError when it cannot be read, has more bytes than what
     it is meant to be, or changes meanwhile."""
+    if known := absent_file(path):
+        return known.sha256
     code = what.replace(" ", "-")
     try:
         return sha256_of_file(path, LARGEST_BYTES.get(what))

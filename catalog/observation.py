@@ -3,6 +3,7 @@
 import dataclasses
 from dataclasses import dataclass, field
 from enum import IntFlag
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -57,9 +58,9 @@ class Observation:
         if self.image.ndim != 2 or not self.image.shape == self.noise.shape == self.quality.shape:
             raise ValueError(f"one shape needed: {self.image.shape}, {self.noise.shape}, {self.quality.shape}")
 
-    @property
+    @cached_property
     def usable(self) -> NDArray[np.bool_]:
-        """Pixels (ny, nx) whose value may be compared with a simulation."""
+        """Pixels (ny, nx) whose value may be compared with a simulation; not to be changed."""
         return (self.quality & UNUSABLE) == 0
 
 

@@ -15,6 +15,7 @@ TEXTS = Path(__file__).parent / "reasons.toml"
 class Reason(StrEnum):
     """Short stable words for tables and filters."""
 
+    ADDRESS_INVALID = "address-invalid"
     ANOTHER_BODY = "another-body"
     ARCHIVE_INVALID = "archive-invalid"
     ARCHIVE_UNREADABLE = "archive-unreadable"
@@ -93,6 +94,7 @@ class Reason(StrEnum):
     LABEL_GEOMETRY_INCOMPLETE = "label-geometry-incomplete"
     LABEL_GEOMETRY_POLAR = "label-geometry-polar"
     LAW_UNKNOWN = "law-unknown"
+    LEASE_LOST = "lease-lost"
     LIGHT_OUTSIDE_THE_LIMB = "light-outside-the-limb"
     LIMB_AND_INTERIOR_DISAGREE = "limb-and-interior-disagree"
     LIMB_DISAGREES = "limb-disagrees"

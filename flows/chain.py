@@ -7,7 +7,8 @@ from typing import Any, Generic
 
 from catalog.errors import PlanetposeError
 from catalog.spice import KernelLists
-from flows.request import Request
+from flows.request import Request, refuse_what_is_no_text
+from tasks.objectstore.shared import obtain, share
 from tasks.record import Record
 from tasks.step import AnyStep, F, I, R, Step, StepType
 
@@ -77,6 +78,13 @@ class Chain:
         self.cached: list[str] = []
         self._run = run
 
+    def begin(self) -> None:
+        """Refuse what no product could say, and have the files that are at addresses. Raises RefusedError and
+        FailedError."""
+        refuse_what_is_no_text(self.request)
+        if self.request.addresses and not self.read_only:
+            self.request.addresses.have(self.request.image)
+
     def do(
         self,
         kind: StepType[I, F, R],
@@ -91,10 +99,14 @@ class Chain:
         name = kind.name if number is None else f"{kind.name}-{number}"
         request = self.request
         step = Step(kind, name, request.product, request.cache, inputs, files, destination, watched)
+        if not self.read_only:
+            obtain(request.shared_cache, step)
         was_there = not self.read_only and step.record() is not None
         record = self._result_of(step)
         if was_there:
             self.cached.append(name)
+        elif not self.read_only:
+            share(request.shared_cache, step)
         done = Done(step, record, step.result_in(record))
         self.done[name] = done
         return done

@@ -6,23 +6,26 @@ It goes when the product is published.
 
 import logging
 import shutil
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 from catalog.errors import FailedError, PlanetposeError
 from flows.chain import Chain
+from flows.guided import unhelped
 from flows.request import Request
 from flows.verdict import CONSEQUENCES, code_of, doubts
 from tasks.atomic import folder_put_in_place
 from tasks.correcting import Known
 from tasks.diagnose.diagnosis import MAP
+from tasks.diagnose.failed_folder import FRAME, REQUEST, best_pose, failed_folder, note_result, write_frame
 from tasks.diagnose.step import OVERLAY, TRIED, DiagnoseInputs
+from tasks.fields import Json
 from tasks.record import RECORD_FILE, read_record
 from tasks.registry import CLOSEUP, CORRECTIONS, DIAGNOSE, START, VALIDATE
 from tasks.scene_inputs import UNIFORM, SceneFiles
 
 logger = logging.getLogger("planetpose")
-FAILED = ".failed"
 # Failures that a wrong pose, camera, target or map can have; others name their cause themselves.
 EXAMINED = (
     "target-not-found",
@@ -103,30 +106,35 @@ def failed_without(cause: PlanetposeError, before: PlanetposeError, after: Plane
     return type(after)(cause.code, f"{cause.fault} Corrected so: {after.fault}", after.remedy)
 
 
-def failed_folder(request: Request) -> Path:
-    """Where what was tried for a failed image is left."""
-    return request.store / FAILED / request.product
-
-
 def leave(chain: Chain) -> Path | None:
-    """Put what the step `diagnose` left into the store; its folder, None when the image did not come so far, or nothing
-    can be written there."""
+    """Put what the step `diagnose` left into the store, with the frame and the request, so that somebody can help; its
+    folder, None when the image did not come so far, or nothing can be written there."""
     found = chain.last(DIAGNOSE)
     if found is None:
         return None
-    folder = failed_folder(chain.request)
-    if read_record(folder, found.key) is not None:
+    folder = failed_folder(chain.request.store, chain.request.product)
+    if read_record(folder, found.key) is not None and (folder / FRAME).is_dir():
         return folder
+    request = unhelped(chain.request)
     try:
         with folder_put_in_place(folder) as new:
             for name in (OVERLAY, TRIED, RECORD_FILE):
                 shutil.copyfile(found.folder / name, new / name)
+            write_frame(new / FRAME, found.step.inputs, found.step.files, best_pose(new))
+            if request:
+                (new / REQUEST).write_text(request, encoding="utf-8")
     except OSError as trouble:  # the image's own fault matters more
         logger.warning("%s was not written: %s", folder, trouble)
         return None
     return folder
 
 
+def note(folder: Path, result: Json) -> None:
+    """Put a failed image's result into its folder, where that can be written."""
+    with suppress(OSError):
+        note_result(folder, result)
+
+
 def forget(request: Request) -> None:
     """Take away what was left of an earlier failure."""
-    shutil.rmtree(failed_folder(request), ignore_errors=True)
+    shutil.rmtree(failed_folder(request.store, request.product), ignore_errors=True)

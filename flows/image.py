@@ -11,7 +11,7 @@ from flows.chain import Chain, Done
 from flows.diagnosis import diagnose, explain_doubts, failed_without, forget, without_cause
 from flows.guided import remember
 from flows.prediction import known_at_start, orientation_by_stars, predicted_pose
-from flows.request import is_started_elsewhere, refuse_what_is_no_text
+from flows.request import is_started_elsewhere
 from flows.result import result_of, verdict
 from flows.verdict import doubts, reminded, settled
 from tasks.accept.acceptance import check_report, explained, refuse_doubtful_behind
@@ -35,7 +35,7 @@ class Corrected:
 
 def correct_image(chain: Chain) -> None:
     """Do every step for the chain's request. Raises RefusedError or FailedError when a step or the verdict does."""
-    refuse_what_is_no_text(chain.request)
+    chain.begin()
     frame = chain.do(INGEST, *inputs.of_ingest(chain.request)).result
     try:
         correct_frame(chain, frame)
@@ -46,7 +46,7 @@ def correct_image(chain: Chain) -> None:
 def correct_frame(chain: Chain, frame: IngestResult) -> None:
     """Every step after `ingest`."""
     request = chain.request
-    refuse_taken(request.product_folder, request.image, frame.sha256)
+    refuse_taken(request.product_folder, request.image_place, frame.sha256)
     predicted, undistorted = predicted_pose(chain, frame)
     scene, files = inputs.scene_of_image(request, frame, predicted, undistorted)
     stars = orientation_by_stars(chain, frame, predicted)
@@ -57,9 +57,9 @@ def correct_frame(chain: Chain, frame: IngestResult) -> None:
         raise explained(error, predicted.pose) from error
     product = publish(chain, frame, replace(corrected, known=corrected.known.separated(stars)))
     if not chain.read_only:
-        forget(request)
-        note_place(request.product_folder, request.image, frame.sha256)
         remember(request)
+        forget(request)
+        note_place(request.product_folder, request.image_place, frame.sha256)
     if request.publish_to:
         chain.do(UPLOAD, *inputs.of_upload(request, request.publish_to, product))
 

@@ -231,7 +231,7 @@ def of_publish(
         steps={name: done.folder for name, done in chain.done.items()},
         corrections=tuple(name for name, done in chain.done.items() if done.step.kind.name in CORRECTIONS),
         result=result,
-        image=request.image,
+        image=request.image_place,
         sha256=frame.sha256,
         known_places=origin.paths if origin else (),
     )

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
+from catalog.lists.location import address_in
 from flows.image_options import Cli
 
 
@@ -14,8 +15,8 @@ def comma_list(given: Any) -> Any:
 
 
 def absolute(path: Path) -> Path:
-    """The path that means the same in every process."""
-    return path.expanduser().absolute()
+    """The path that means the same in every process; an address stays one."""
+    return path if address_in(path) else path.expanduser().absolute()
 
 
 def name_or_file(text: str) -> str:

@@ -10,7 +10,8 @@ from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator
 
-from catalog.settings import DEFAULT_PROFILE, cache_folder
+from catalog.lists.location import address_in
+from catalog.settings import DEFAULT_PROFILE, cache_folder, shared_cache_url
 from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
 from flows.option_types import Absolute, Folder, NameOrFile, OneStore, Paths, Store, absolute, comma_list
 
@@ -83,7 +84,7 @@ class ReprocessOptions(Options):
     )
     fetch: bool = opt(False, description="First get what the list names and is not there.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt(description="Folder of cached steps (default: PLANETPOSE_CACHE).")
+    cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
     cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
     cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 
@@ -96,8 +97,13 @@ class ReprocessOptions(Options):
 
     @property
     def steps_cache(self) -> Path:
-        """Folder of cached steps."""
-        return self.cache or cache_folder().absolute()
+        """Folder of cached steps of this machine."""
+        return self.cache if self.cache and not address_in(self.cache) else cache_folder().absolute()
+
+    @property
+    def shared_cache(self) -> str | None:
+        """Address of results of steps that several machines share."""
+        return (address_in(self.cache) if self.cache else None) or shared_cache_url()
 
     @property
     def books(self) -> Path:

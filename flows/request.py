@@ -9,13 +9,14 @@ from catalog.basemap import NO_MAP, packaged_map_path
 from catalog.camera import Camera, find_camera
 from catalog.camera_store import camera_as_file
 from catalog.errors import RefusedError
+from catalog.fetch.addresses import Addresses
 from catalog.input_file import digest_of
 from catalog.made_camera import ISD, file_in, is_made
 from catalog.names_digest import camera_names_digest
 from catalog.plain_text import is_text, shown_path
 from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
-from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels
+from catalog.settings import DEFAULT_PROFILE, cache_folder, default_kernels, shared_cache_url
 from catalog.target import Target, find_target, is_target_file
 from flows.image_options import ImageOptions
 from tasks.profile import Profile, find_profile, profile_of
@@ -41,7 +42,8 @@ class Request(ImageOptions):
     "image" stands for a pose that is found in the image itself. kernels:
     files, folders or meta-kernels; None takes those of the environment. profile: its settings, or its name or file;
     settings build on the default profile as a file's do, and what it holds stays. resume: see `catalog.resumed`.
-    publish_to: URL of an object store that the product is copied to from `store`."""
+    publish_to: URL of an object store that the product is copied to from `store`. shared_cache: URL of results of steps
+    that several machines share. addresses: of the files that are fetched when they are needed."""
 
     image: Path
     product: str = Field(default_factory=_name_of_file)
@@ -50,6 +52,8 @@ class Request(ImageOptions):
     profile: NamedProfile = Field(default_factory=lambda: find_profile(DEFAULT_PROFILE))
     cache: Path = Field(default_factory=cache_folder)
     publish_to: str | None = None
+    shared_cache: str | None = Field(default_factory=shared_cache_url)
+    addresses: Addresses | None = None
 
     @field_validator("product")
     @classmethod
@@ -62,6 +66,11 @@ class Request(ImageOptions):
     def product_folder(self) -> Path:
         """Where the product is published."""
         return self.store / self.product
+
+    @property
+    def image_place(self) -> Path | str:
+        """The image as people know it: its address, or its file."""
+        return (self.addresses and self.addresses.of(self.image)) or self.image
 
     @property
     def camera_name(self) -> str | None:

@@ -9,9 +9,12 @@ from pydantic import ValidationError
 from catalog.basemap import NO_MAP
 from catalog.errors import FailedError, RefusedError, WrongOptionError
 from catalog.fetch import FetchSettings, planned_items
+from catalog.fetch.addresses import Addresses, with_addresses
 from catalog.fetch.many import fetch_items, summary_of
+from catalog.fetch.remote import have_shared
 from catalog.fetch.settings import default_mirror
 from catalog.lists import load_image_list
+from catalog.lists.location import address_in, parse_location
 from catalog.lists.model import ImageEntry, ImageList
 from catalog.made_camera import file_in, is_made
 from catalog.pose import IN_IMAGE
@@ -35,7 +38,8 @@ def requests_of_files(options: CorrectOptions) -> list[Request]:
     shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
     shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}
     shared |= {"store": place.store, "publish_to": place.publish_to}
-    return [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
+    requests = [Request(image=file, product=name, **shared) for file, name in zip(options.files, names, strict=True)]
+    return [with_addresses(request, archive_folder().absolute()) for request in requests]
 
 
 def product_names(options: CorrectOptions) -> list[str]:
@@ -80,7 +84,7 @@ def each_request(found: ImageList, options: ReprocessOptions) -> Iterator[Reques
 
 def listed(options: ReprocessOptions) -> ImageList:
     """The image list, or those of it that match `only`. Raises RefusedError as `requests_of_list`."""
-    found = load_image_list(options.images)
+    found = image_list_of(options)
     if not options.only:
         return found
     chosen = found.only(options.only)
@@ -91,6 +95,17 @@ def listed(options: ReprocessOptions) -> ImageList:
             "See `planetpose catalog show LIST`.",
         )
     return chosen
+
+
+def image_list_of(options: ReprocessOptions) -> ImageList:
+    """The list, also where it is at an address: then what it names by a relative path is beside it there. Raises
+    FailedError when it cannot be had."""
+    address = address_in(options.images)
+    if address is None:
+        return load_image_list(options.images)
+    archive = options.archive or archive_folder().absolute()
+    have_shared(address, archive)
+    return load_image_list(archive / parse_location(address).path).beside(address)
 
 
 def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptions, profile: Profile) -> Request:
@@ -107,7 +122,9 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
     target = entry.target
     if target and is_target_file(target):
         target = str(here(target))
-    place = place_of(options.store)
+    place, archive = place_of(options.store), (options.archive or archive_folder()).absolute()
+    texts = (entry.image, entry.label, entry.camera, entry.target, entry.pose_file, entry.basemap, *entry.kernels)
+    files = {parse_location(text).path: text for text in texts if text and address_in(text)}
     found = Request(
         image=image_list.located(entry.image, options.archive),
         product=entry.product,
@@ -125,6 +142,8 @@ def request_of(image_list: ImageList, entry: ImageEntry, options: ReprocessOptio
         kernels=image_list.kernel_paths(entry, options.archive) or options.kernels,
         profile=profile,
         cache=options.steps_cache,
+        shared_cache=options.shared_cache,
+        addresses=Addresses(archive=archive, files=files, sha256=entry.sha256) if files else None,
     )
     return guided(found)
 

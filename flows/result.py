@@ -7,7 +7,7 @@ from typing import Any
 from catalog.errors import PlanetposeError
 from catalog.plain_text import shown_path
 from flows.chain import Chain
-from flows.diagnosis import leave
+from flows.diagnosis import leave, note
 from flows.request import guidance_of
 from flows.verdict import doubts, rest_reached
 from tasks.boundary import PUBLISHED, reason_of, status_of
@@ -81,19 +81,21 @@ def result_of(chain: Chain, error: Exception | None = None) -> dict[str, Any]:
     request = chain.request
     result = EMPTY | {
         "product": request.product,
-        "image": shown_path(request.image),
+        "image": shown_path(request.image_place),
         "profile": request.profile.name,
         "profile_origin": profile_origin(request.profile),
     }
     frame = chain.last(INGEST)
     result["guidance"] = guidance_of(request) | {"overruled": list(frame.result.overruled) if frame else []}
     result |= verdict(error, doubts(chain)) | known_before_correction(chain) | rest_reached(chain)
+    result["seconds"] = {name: done.record.seconds for name, done in chain.done.items()}
+    result["cached"] = list(chain.cached)
     if PUBLISH.name in chain.done:
         result |= corrected(chain)
     elif isinstance(error, PlanetposeError) and (folder := leave(chain)):
         result |= {"overlay": f"{folder}/{OVERLAY}", "tried": f"{folder}/{TRIED}"}
-    seconds = {name: done.record.seconds for name, done in chain.done.items()}
-    return result | {"seconds": seconds, "cached": list(chain.cached)}
+        note(folder, result)
+    return result
 
 
 def profile_origin(profile: Profile) -> dict[str, Any] | None:

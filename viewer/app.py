@@ -1,76 +1,32 @@
 """The server of `planetpose view`: what the page asks for, as JSON and as tiles, and what it writes."""
 
-import base64
-import binascii
-import io
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from fastapi import FastAPI, HTTPException, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse, JSONResponse
-from pydantic import BaseModel, Field
 
-from catalog.errors import PlanetposeError, RefusedError, WrongOptionError
-from catalog.plain_files import own_json
-from catalog.pose import Pose
-from catalog.reasons import Reason
-from tasks.guidance.decisions import decide, decisions_of, review_of, undo, user_name
-from tasks.guidance.helping import hold_options, mask_option, start_options
+from catalog.errors import PlanetposeError
+from tasks.guidance.decisions import user_name
 from tasks.position.model import position_model
 from tasks.position.position import positions_of_pixels
 from tasks.position.spelling import read_place
-from tasks.profile import find_profile
-from tasks.publish.cube_model import model_of
 from tasks.publish.names import OVERLAY
 from tasks.report.page import FILTER
-from viewer.planes import Planes
-from viewer.product import product_page
-from viewer.redo import Job, Jobs
+from viewer.deciding import add_decisions
+from viewer.layers import flow_of
+from viewer.product import advice_of, papers, product_page
 from viewer.security import Access, Guard
-from viewer.table import Table, columns_of
+from viewer.side import Side, side_of
+from viewer.table import columns_of
 
 STATIC = Path(__file__).parent / "static"
 PAGE = STATIC / "index.html"
 TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
 THREADS = 4
 FAULT = "x-planetpose-fault"
-MOST_MASK_PIXELS = 100_000_000
-
-
-class Help(BaseModel):
-    """How a correction is to be helped. centre_px: of the target, in pixels of the image. mask: PNG, base64."""
-
-    centre_px: tuple[float, float] | None = None
-    range_factor: float = 1.0
-    roll_deg: float = 0.0
-    hold: list[str] = Field(default_factory=list)
-    profile: str | None = None
-    mask: str | None = None
-
-
-class Made(BaseModel):
-    """A decision that is made on the page."""
-
-    action: str
-    why: str = ""
-    help: Help | None = None
-
-
-class Side:
-    """One store with its table and planes."""
-
-    def __init__(self, store: Path) -> None:
-        self.store = Path(store)
-        self.table, self.planes = Table(self.store), Planes(self.store)
-
-    def known(self, product: str) -> str:
-        """The product's name. Raises HTTPException for one that is not in the store's table: nothing else is served."""
-        if product not in self.table.places:
-            raise HTTPException(404, "The store has no such product.")
-        return product
 
 
 def build_app(store: Path, access: Access, other: Path | None = None) -> FastAPI:
@@ -159,13 +115,6 @@ def add_table(app: FastAPI, sides: list[Side]) -> None:
         return {"images": len(sides[0].table.table)}
 
 
-def side_of(sides: list[Side], number: int) -> Side:
-    """The store of that number. Raises RefusedError for another."""
-    if not 0 <= number < len(sides):
-        raise RefusedError(Reason.STORE_MISSING, "there is no second store.", "Give one with --compare.")
-    return sides[number]
-
-
 def add_products(app: FastAPI, sides: list[Side]) -> None:
     """What the page shows of single products."""
 
@@ -173,13 +122,10 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
     def product_(product: str, side: int = 0) -> dict[str, Any]:
         here = side_of(sides, side)
         row = here.table.row(here.known(product)) or {}
-        if row.get("status") in ("refused", "failed", "unreadable"):
-            return {
-                "product": product,
-                "row": row,
-                "decisions": [each.__dict__ for each in decisions_of(here.store, product)],
-            }
-        return {**product_page(here.planes, product), "row": row}
+        seen = {"row": row, "advice": advice_of(row.get("reason")), "ranks": here.table.ranks(product)}
+        if row.get("status") == "unreadable" or here.planes.place(product) is None:
+            return {**papers(here.store, product), **seen}
+        return {**product_page(here.planes, product), **seen}
 
     @app.get("/api/products/{product}/tiles/{plane}/{level}/{column}/{row}")
     def tile(product: str, plane: str, level: int, column: int, row: int, side: int = 0) -> Response:
@@ -192,14 +138,19 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
     @app.get("/api/products/{product}/at")
     def at(product: str, x: float, y: float, side: int = 0) -> dict[str, object]:
         here = side_of(sides, side)
-        model = position_model(here.planes.cube(here.known(product)))
+        model = position_model(here.confirmed(product))
         return positions_of_pixels(model, [[x, y]])[0].to_dict()
+
+    @app.get("/api/products/{product}/flow")
+    def flow(product: str, side: int = 0) -> dict[str, Any]:
+        here = side_of(sides, side)
+        return flow_of(here.planes, here.known(product))
 
     @app.get("/api/products/{product}/find")
     def find(product: str, place: str) -> dict[str, object]:
         from tasks.position.position import positions_of_places
 
-        model = position_model(sides[0].planes.cube(sides[0].known(product)))
+        model = position_model(sides[0].confirmed(product))
         latitude, longitude = read_place(place)
         return positions_of_places(model, [latitude], [longitude])[0].to_dict()
 
@@ -213,81 +164,7 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
 
     @app.get("/api/products/{product}/small.png")
     def small(product: str, side: int = 0) -> Response:
+        from tasks.pictures.thumbnail import thumbnail_of
+
         here = side_of(sides, side)
-        return Response(thumbnail(here.planes, here.known(product)), media_type="image/png")
-
-
-def thumbnail(planes: Planes, product: str) -> bytes:
-    """A small picture as PNG. Raises RefusedError without a cube."""
-    import tempfile
-
-    from tasks.pictures.thumbnail import write_thumbnail
-
-    with tempfile.TemporaryDirectory() as folder:
-        return write_thumbnail(planes.store / product, Path(folder) / "small.png").read_bytes()
-
-
-def add_decisions(app: FastAPI, side: Side) -> None:
-    """What the page writes: decisions, and images done again."""
-
-    def ended(job: Job) -> None:
-        side.planes.forget(job.product)
-        side.table.refresh()
-
-    jobs = Jobs(side.store, ended)
-
-    def now_known(product: str) -> dict[str, Any]:
-        found = decisions_of(side.store, product)
-        side.table.note_review(product, *review_of(found))
-        return {"decisions": [each.__dict__ for each in found], "row": side.table.row(product)}
-
-    @app.post("/api/products/{product}/decisions")
-    def add(product: str, made: Made) -> dict[str, Any]:
-        options = options_of(side, side.known(product), made.help) if made.action == "help" and made.help else {}
-        try:
-            decide(side.store, product, made.action, made.why, options)
-        except (ValueError, OSError) as error:
-            raise WrongOptionError("decision", f"it was not written: {error}.", "") from error
-        return now_known(product)
-
-    @app.post("/api/products/{product}/undo")
-    def take_back(product: str) -> dict[str, Any]:
-        undo(side.store, side.known(product))
-        return now_known(product)
-
-    @app.post("/api/products/{product}/redo")
-    def redo(product: str) -> dict[str, Any]:
-        return jobs.start(side.known(product)).__dict__
-
-    @app.get("/api/jobs/{number}")
-    def job(number: int) -> dict[str, Any]:
-        found = jobs.of(number)
-        if found is None:
-            raise HTTPException(404)
-        return found.__dict__
-
-
-def options_of(side: Side, product: str, given: Help) -> dict[str, Any]:
-    """The options of a `help`. Raises WrongOptionError for what makes none."""
-    cube = side.planes.cube(product)
-    model, predicted = model_of(cube), Pose.from_dict(own_json(cube.attrs["pose_before"]))
-    options = start_options(side.store, product, model, predicted, given.centre_px, given.range_factor, given.roll_deg)
-    options |= hold_options(given.hold)
-    if given.profile:
-        options["profile"] = find_profile(given.profile).name
-    if given.mask:
-        options |= mask_option(side.store, product, model, painted_mask(given.mask, cube["image"].shape))
-    return options
-
-
-def painted_mask(text: str, shape: tuple[int, ...]) -> Any:
-    """Mask (ny, nx) of a PNG in base64. Raises WrongOptionError for anything else."""
-    from PIL import Image
-
-    try:
-        with Image.open(io.BytesIO(base64.b64decode(text, validate=True)), formats=["PNG"]) as picture:
-            if picture.size != (shape[1], shape[0]) or picture.width * picture.height > MOST_MASK_PIXELS:
-                raise ValueError(f"it has {picture.size} pixels")
-            return np.asarray(picture.convert("RGBA"))[..., 3] > 0
-    except (OSError, ValueError, SyntaxError, binascii.Error) as error:
-        raise WrongOptionError("mask", f"the mask cannot be read ({error}).", "Paint it again.") from error
+        return Response(thumbnail_of(here.planes.cube(here.known(product))), media_type="image/png")

@@ -9,10 +9,12 @@ from typing import Any
 
 from tasks.atomic import folder_put_in_place
 from tasks.boundary import reason_of, trouble_of
-from viewer.app import PAGE, Side, page_files, thumbnail
+from tasks.pictures.thumbnail import thumbnail_of
+from viewer.app import PAGE, page_files
 from viewer.filters import filtered
 from viewer.planes import TILE_PX, Planes
-from viewer.product import product_page
+from viewer.product import advice_of, product_page
+from viewer.side import Side
 from viewer.table import columns_of, plain_value
 
 DATA = "data"
@@ -53,18 +55,19 @@ def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> Non
     """Page, tiles and small picture of a product; without its picture where it has none, or cannot be read."""
     product = str(row["product"])
     folder.mkdir(parents=True)
-    shown: dict[str, Any] = {"product": product, "row": row, "decisions": []}
+    shown: dict[str, Any] = {"product": product, "row": row, "decisions": [], "advice": advice_of(row.get("reason"))}
 
     def write_pictures() -> None:
         page = product_page(planes, product)
         page["planes"] = [plane for plane in page["planes"] if plane["name"] in PLANES]
-        page.get("result", {}).pop("image", None)  # a path of this machine
+        page.get("result", {}).pop("image", None)  # a path of this machine, as the Prefect run is one's own
+        page.pop("run", None)
         for plane in page["planes"]:
             write_tiles(planes, product, plane["name"], page["levels"], folder / plane["name"])
-        (folder / "small.png").write_bytes(thumbnail(planes, product))
+        (folder / "small.png").write_bytes(thumbnail_of(planes.cube(product)))
         shown.update(page)
 
-    if row["status"] in ("ok", "doubtful"):
+    if row["status"] != "unreadable" and planes.place(product) is not None:
         trouble = trouble_of(write_pictures, product)
         planes.forget(product)
         if trouble is not None:

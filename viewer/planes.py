@@ -10,12 +10,16 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError, RefusedError
 from catalog.reasons import Reason
+from tasks.diagnose.failed_folder import FRAME, failed_folder
+from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE
 
 if TYPE_CHECKING:
     import xarray as xr
+
+    from tasks.pictures.product import Product
 
 Plane = NDArray[np.float32]
 
@@ -38,7 +42,7 @@ class Planes:
     def __init__(self, store: Path) -> None:
         self.store = Path(store)
         self._lock = threading.RLock()
-        self._simulating = threading.Lock()
+        self.simulating = threading.Lock()
         self._cubes: OrderedDict[str, xr.Dataset] = OrderedDict()
         self._planes: OrderedDict[tuple[str, str, int], Plane] = OrderedDict()
 
@@ -48,13 +52,22 @@ class Planes:
             if product in self._cubes:
                 self._cubes.move_to_end(product)
                 return self._cubes[product]
-            folder = self.store / product
-            if not (folder / CUBE).is_dir():
+            path = self.place(product)
+            if path is None:
                 raise RefusedError(Reason.PRODUCT_MISSING, f"{product} has no {CUBE}.", "See its reason in the table.")
-            self._cubes[product] = open_cube(folder / CUBE)
+            self._cubes[product] = open_cube(path)
             while len(self._cubes) > OPEN_CUBES:
                 self._cubes.popitem(last=False)[1].close()
             return self._cubes[product]
+
+    def place(self, product: str) -> Path | None:
+        """The product's cube, or the frame that a failed image left; None where there is neither."""
+        failed = failed_folder(self.store, product)
+        return next((path for path in (self.store / product / CUBE, failed / FRAME) if path.is_dir()), None)
+
+    def has_product(self, product: str) -> bool:
+        """Whether there is a cube; a failed image has its frame alone."""
+        return (self.store / product / CUBE).is_dir()
 
     def forget(self, product: str) -> None:
         """Read the product anew when it is wanted: it was exchanged."""
@@ -76,7 +89,7 @@ class Planes:
         if level > 0:
             found = reduced(self.plane(product, name, level - 1), name in NEAREST)
         elif name in SIMULATED:
-            with self._simulating:
+            with self.simulating:
                 found = self._simulated(product, name)
         else:
             found = self._read(product, name)
@@ -123,10 +136,9 @@ class Planes:
 
     def _simulated(self, product: str, name: str) -> Plane:
         """The simulation in the image's unit, or the residual relative to the disk's bright parts."""
-        from tasks.pictures.product import read_product
         from tasks.pictures.residual_figure import residual_of
 
-        read = read_product(self.store / product)
+        read = self.scene_of(product)
         found = residual_of(read, getattr(read, SIMULATED[name]))
         if found is None:
             fault = f"the simulation of {product} shows nothing under this pose."
@@ -140,6 +152,17 @@ class Planes:
         target = whole[inside]
         target[...] = clipped[: target.shape[0], : target.shape[1]]
         return self._on_image(product, whole)
+
+    def scene_of(self, product: str) -> "Product":
+        """Observation, scene and poses of a product or a failed image. Raises RefusedError, as `cube` does and where
+        the base map is not at hand."""
+        from tasks.pictures.product import product_in, read_product
+
+        path = self.place(product)
+        if path is None or path.name == CUBE:
+            return read_product(self.store / product)
+        with reading_product(path.parent):
+            return product_in(path.parent, path.name)
 
     def _on_image(self, product: str, undistorted: Plane) -> Plane:
         """A plane of the undistorted frame at the image's pixels, which may be the detector's own."""

@@ -5,7 +5,7 @@ import shutil
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,9 @@ from catalog.digest import sha256_of_file
 from catalog.fetch.ledger import Ledger
 from catalog.fetch.rate import RateLimit
 from catalog.fetch.settings import FetchSettings
+from catalog.fetch.signed import signed
 from catalog.fetch.transfer import BLOCK_BYTES, Part, TransferError, transfer
+from catalog.lists.location import S3
 from catalog.reasons import Reason
 
 INCOMING = ".incoming"
@@ -31,11 +33,15 @@ class Item:
     bytes: int | None = None
     products: tuple[str, ...] = ()
 
+    def with_sha256(self, sha256: str | None) -> "Item":
+        """The same with a known content."""
+        return replace(self, sha256=sha256 or self.sha256)
+
 
 @dataclass(frozen=True)
 class Outcome:
     """What became of an item. status: fetched, present or failed. checked: its content was compared with a checksum
-    that was known before."""
+    that was known before. passing: the fault may be gone the next time."""
 
     item: Item
     status: str
@@ -44,6 +50,7 @@ class Outcome:
     reason: str | None = None
     bytes: int | None = None
     sha256: str | None = None
+    passing: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
@@ -55,12 +62,15 @@ class Outcome:
         }  # fmt: skip
 
 
-def fetch_item(item: Item, archive: Path, settings: FetchSettings, rate: RateLimit, ledger: Ledger) -> Outcome:
-    """Have one file in `archive`; whatever goes wrong with it is stated in the outcome, nothing is raised for it."""
+def fetch_item(
+    item: Item, archive: Path, settings: FetchSettings, rate: RateLimit, ledger: Ledger, renew: bool = False
+) -> Outcome:
+    """Have one file in `archive`; whatever goes wrong with it is stated in the outcome, nothing is raised for it.
+    renew: what is there is of an older version."""
     target = archive / item.path
     expected = item.sha256 or ledger.sha256(item.path)
     try:
-        digest = ledger.content_of(item.path, target)
+        digest = None if renew else ledger.content_of(item.path, target)
         if digest is not None and expected in (None, digest):
             return Outcome(item, "present", expected is not None, 0, None, target.stat().st_size, digest)
         with _incoming(archive, item.path) as folder:
@@ -69,7 +79,8 @@ def fetch_item(item: Item, archive: Path, settings: FetchSettings, rate: RateLim
         ledger.note(item.path, target, digest, item.source)
         return Outcome(item, "fetched", item.sha256 is not None, attempts, None, target.stat().st_size, digest)
     except TransferError as error:
-        return Outcome(item, "failed", reason=str(error), attempts=settings.attempts if error.passing else 1)
+        attempts = settings.attempts if error.passing else 1
+        return Outcome(item, "failed", reason=str(error), attempts=attempts, passing=error.passing)
     except OSError as error:
         return Outcome(item, "failed", reason=f"{Reason.FILE_TROUBLE}: {error}")
 
@@ -121,6 +132,8 @@ def _attempt(item: Item, folder: Path, target: Path, settings: FetchSettings, ra
         if url.startswith(("http:", "https:")):
             rate.wait(url)
             transfer(url, part, settings, item.bytes)
+        elif url.startswith(f"{S3}:"):
+            transfer(signed(url), part, settings, item.bytes)
         else:
             copy_from_mirror(Path(url), part, settings, item.bytes)
         os.replace(part.path, output_file)

@@ -55,6 +55,6 @@ def _needed(entry: ImageEntry, kinds: tuple[str, ...]) -> Iterator[tuple[str, st
 
 
 def _source(location: Location, mirror: str | None) -> str:
-    if mirror is None or mirror.lower().startswith(("http:", "https:")):
+    if mirror is None or mirror.lower().startswith(("http:", "https:", "s3:")):
         return str(location.url_at(mirror))
     return str(Path(mirror).expanduser().absolute() / location.path)

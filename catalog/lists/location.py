@@ -11,7 +11,10 @@ from catalog.settings import archive_folder
 
 ARCHIVES_FILE = Path(__file__).parent / "archives.toml"
 ARCHIVE = re.compile(r"^([a-z][a-z0-9-]+):(?!//)(.+)$")
-URL = re.compile(r"^https?://", re.IGNORECASE)
+URL = re.compile(r"^(https?|s3)://", re.IGNORECASE)
+# An address as a path has it, in which two slashes are one.
+ADDRESS = re.compile(r"^(https?|s3):/{1,2}(?=[^/])", re.IGNORECASE)
+S3 = "s3"
 HOST = re.compile(r"^[A-Za-z0-9.-]+(:\d{1,5})?$")
 PLAIN_PART = re.compile(r"^[\w.+=,@() -]{1,200}$")
 
@@ -73,11 +76,25 @@ def parse_location(text: str) -> Location:
     return Location(f"{name}/{relative}", known_archives()[name].url.rstrip("/") + f"/{relative}", name)
 
 
+def address_in(path: Path | str) -> str | None:
+    """The address (http, https or s3) that a path stands for, or a text is; None for a path of this machine."""
+    text = str(path)
+    match = ADDRESS.match(text)
+    return f"{match[1].lower()}://{text[match.end() :]}" if match else None
+
+
+def address_beside(address: str, name: str) -> str:
+    """Address of the file `name` in the folder of another address."""
+    return f"{address.rpartition('/')[0]}/{name}"
+
+
 def _of_url(text: str) -> Location:
     parts = urlsplit(text)
     if not HOST.match(parts.netloc) or parts.query or parts.fragment:
         raise ValueError(f"{text!r} is no URL of a file (host and path, neither user nor query)")
     host = re.sub(r"[^\w.-]", "_", parts.netloc.lower())
+    if parts.scheme.lower() == S3:
+        host = f"{S3}/{host}"
     return Location(f"{host}/{_plain_path(unquote(parts.path).lstrip('/'), text)}", text)
 
 

@@ -9,9 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 from catalog.flips import Flip
 from catalog.image_mode import Window
 from catalog.lists.kernel_sets import expanded
-from catalog.lists.location import Location, parse_location
+from catalog.lists.location import Location, address_beside, parse_location
 from catalog.safe_name import safe_product_name
 
+NO_FILES = ("none", "image")  # in place of a base map, of a pose file
 SHA256 = r"^[0-9a-f]{64}$"
 
 
@@ -129,6 +130,25 @@ class ImageList(BaseModel):
     def kernel_paths(self, entry: ImageEntry, archive: Path | None = None) -> tuple[Path, ...]:
         """Where the kernels of an entry are on this machine, sets expanded; () means the user's own."""
         return tuple(self.located(text, archive) for text in expanded(entry.kernels))
+
+    def beside(self, address: str) -> "ImageList":
+        """The list as it was read at an address: what its entries name by relative paths is beside it there."""
+        names = ("image", "label", "pose_file", "truth_file", "basemap")
+
+        def there(text: str) -> str:
+            is_path = parse_location(text).url is None and not text.startswith(("/", "~"))
+            return address_beside(address, text) if is_path else text
+
+        def entry_there(entry: ImageEntry) -> ImageEntry:
+            changed = {name: there(text) for name in names if (text := getattr(entry, name)) not in (None, *NO_FILES)}
+            files = {
+                name: there(text)
+                for name in ("camera", "target")
+                if (text := getattr(entry, name) or "").endswith(".toml")
+            }
+            return entry.model_copy(update=changed | files)
+
+        return self.model_copy(update={"entries": tuple(entry_there(entry) for entry in self.entries)})
 
     def only(self, products: tuple[str, ...]) -> "ImageList":
         """The list with those entries alone whose product matches one of the shell patterns (`C16*`)."""

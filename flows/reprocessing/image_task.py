@@ -13,17 +13,25 @@ from prefect.cache_policies import NO_CACHE
 from prefect.client.schemas.objects import State
 from prefect.states import Completed, Failed
 
-from catalog.errors import PlanetposeError
+from catalog.errors import FailedError, PlanetposeError
+from catalog.fetch.addresses import with_files_in
+from catalog.fetch.remote import image_had
+from catalog.lists.location import address_in
+from catalog.settings import archive_folder, cache_folder
 from catalog.times import now_utc
+from flows.flow_run import current_run
 from flows.options import BOOKS, ReprocessOptions, processors
 from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
-from flows.reprocessing.outcomes import Outcome, read_outcome, write_outcome
+from flows.reprocessing.outcomes import Outcome, write_outcome
 from flows.reprocessing.planning import Plan
 from flows.reprocessing.pool import LostError, Message, Pool, pool
 from flows.reprocessing.worker import DIGESTS, sweep_claims
+from flows.request import Request
 from flows.runners import THREADS
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
+from tasks.guidance.prefect_run import note_run
+from tasks.objectstore.places import place_of
 
 Job = dict[str, Any]
 
@@ -60,8 +68,9 @@ def perform(product: str, job: Job) -> State[None]:
         outcome = do_image(job, pool, audience().reporter)
     except InterruptedRunError as error:
         return Failed(message=f"{product}: {error.reason}")
-    except OSError as error:  # what it came to could not be written into the store
+    except (OSError, FailedError) as error:  # what it came to could not be written into the store
         raise PassingFaultError(f"{product}: {error}") from error
+    note_run(Path(job["request"]["store"]), product, current_run())
     if outcome.passing:
         raise PassingFaultError(f"{product}: {outcome.reason}")
     message = f"{product}: {outcome.status}" + (f": {outcome.reason}" if outcome.reason else "")
@@ -77,12 +86,13 @@ def image_task(options: ReprocessOptions) -> Task[..., Any]:
 
 def job_of(plan: Plan, options: ReprocessOptions, run: str) -> Job:
     """All that a process anywhere needs for an image: plain JSON."""
-    request = plan.request
+    request, last = plan.request, plan.last
     places = {"store": request.store.absolute(), "image": request.image.absolute(), "cache": request.cache.absolute()}
     return {
         "request": request.model_copy(update=places).model_dump(mode="json", by_alias=True),
-        "image_sha256": None if plan.image.startswith("fault: ") else plan.image,
-        "changed": plan.changed,
+        "image_sha256": None if plan.image.startswith("fault: ") else plan.image or None,
+        "tries": last.tries if last and last.passing and not plan.changed else 0,
+        "cache": str(options.cache) if options.cache and not address_in(options.cache) else None,
         "trace": without_results(plan.trace),
         "fingerprint": plan.fingerprint,
         "image_timeout_s": options.image_timeout_s,
@@ -103,7 +113,8 @@ def without_results(trace: Json) -> Json:
 def do_image(job: Job, processes: Pool, reporter: Reporter | None = None) -> Outcome:
     """The outcome of an image, which is also written to its store. Raises InterruptedRunError when the pool was
     closed meanwhile, OSError when the outcome could not be written."""
-    reporter = reporter or Silent()
+    reporter, job = reporter or Silent(), job_here(job)
+    url = job["request"].get("publish_to")
     product, store = job["request"]["product"], Path(job["request"]["store"])
 
     def tell(message: Message) -> None:
@@ -124,8 +135,19 @@ def do_image(job: Job, processes: Pool, reporter: Reporter | None = None) -> Out
         if processes.is_closed:
             raise InterruptedRunError("interrupted", "the run was ended.") from lost
         outcome = replace(known_beforehand(job, "failed"), reason=str(lost), passing=True)
-        return write_outcome(store / BOOKS, outcome, job["trace"])
-    return write_outcome(store / BOOKS, outcome_of(job, end), end["trace"])
+        return write_outcome(store / BOOKS, outcome, job["trace"], url)
+    return write_outcome(store / BOOKS, outcome_of(job, end), end["trace"], url)
+
+
+def job_here(job: Job) -> Job:
+    """A job with the places of this machine, which may share nothing but the object store with the one that made it."""
+    if job["request"].get("publish_to") is None:
+        return job
+    request = Request.model_validate(job["request"])
+    cache = Path(job["cache"]) if job["cache"] else cache_folder().absolute()
+    here = request.model_copy(update={"store": place_of(str(request.publish_to)).store.absolute(), "cache": cache})
+    plain = with_files_in(here, archive_folder().absolute()).model_dump(mode="json", by_alias=True)
+    return {**job, "request": plain, "digests": str(cache / DIGESTS)}
 
 
 def outcome_of(job: Job, end: Message) -> Outcome:
@@ -142,19 +164,20 @@ def outcome_of(job: Job, end: Message) -> Outcome:
 
 
 def known_beforehand(job: Mapping[str, Any], status: str) -> Outcome:
-    """What the job says, and how often it ended like this."""
+    """What the job says, how often it ended like this, and what is known of an image at an address."""
     request = job["request"]
-    last = read_outcome(Path(request["store"]) / BOOKS, request["product"], request["image"])
-    same = last is not None and last.passing and not job["changed"] and last.run != job["run"]
+    image = Request.model_validate(request)
+    had = image_had(str(image.image_place), image.addresses.archive) if image.addresses else None
     return Outcome(
         product=request["product"],
-        image=request["image"],
+        image=str(image.image_place),
         status=status,
         reason=None,
-        image_sha256=job["image_sha256"],
+        image_sha256=had.sha256 if had else job["image_sha256"],
+        source=had.model_dump(mode="json") if had else None,
         run=job["run"],
         at=now_utc(),
-        tries=last.tries + 1 if last and same else last.tries if last and last.run == job["run"] else 1,
+        tries=job["tries"] + 1,
         host=platform.node(),
         profile=request["profile"]["name"],
     )

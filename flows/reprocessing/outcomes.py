@@ -18,9 +18,8 @@ from catalog.plain_files import own_json
 from catalog.regular_file import read_regular_text
 from tasks.atomic import file_put_in_place
 from tasks.fields import Json
-from tasks.publish.origin import OTHER_IMAGE
-
-IMAGES, TRACES = "images", "traces"
+from tasks.objectstore.state import IMAGES, TRACES, push_files
+from tasks.publish.origin import OTHER_IMAGE, place_of_image
 
 
 @dataclass(frozen=True)
@@ -30,8 +29,8 @@ class Outcome:
     trace: digest of the trace of its steps. image_sha256: of its file, None when that could not be read. passing: the
     fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
     published product. seconds, cpu_s: by the clock, and of the processor. steps: per step seconds, peak_mb, cached.
-    at: UTC of the end. run: the run that did it. fingerprint: of all that a published image was made from, None where
-    that is not known.
+    at: UTC of the end. run: the run that did it. source: of an image at an address, see `catalog.fetch.remote`.
+    fingerprint: of all that a published image was made from, None where that is not known.
     """
 
     product: str
@@ -56,6 +55,7 @@ class Outcome:
     limb_rms_px: float | None = None
     fingerprint: str | None = None
     steps: dict[str, dict[str, Any]] = field(default_factory=dict)
+    source: dict[str, Any] | None = None
 
     @property
     def code(self) -> str | None:
@@ -71,7 +71,12 @@ class Outcome:
 
 def namesake(product: str, image: Path | str) -> str:
     """Name of the outcome's file of an image whose name is another one's."""
-    return f"{product}~{hashlib.sha256(os.fsencode(os.path.abspath(image))).hexdigest()[:12]}.json"
+    return f"{product}~{hashlib.sha256(os.fsencode(place_of_image(image))).hexdigest()[:12]}.json"
+
+
+def names_of(product: str, image: Path | str) -> tuple[str, str]:
+    """Names of the files that the outcome of an image may be in."""
+    return f"{product}.json", namesake(product, image)
 
 
 def read_outcome(books: Path, product: str, image: Path | str) -> Outcome | None:
@@ -96,9 +101,10 @@ def _read(path: Path) -> Outcome | None:
         return None
 
 
-def write_outcome(books: Path, outcome: Outcome, trace: Json | None = None) -> Outcome:
+def write_outcome(books: Path, outcome: Outcome, trace: Json | None = None, url: str | None = None) -> Outcome:
     """Exchange trace and outcome of a product; the trace comes first, and without its outcome it counts for nothing.
-    trace: None keeps the one that is there. Returns the outcome as it was written. Raises OSError."""
+    trace: None keeps the one that is there. url: of the object store that `books` is the copy of. Returns the outcome
+    as it was written. Raises OSError, and FailedError where the object store cannot be reached."""
     name = outcome.file_name
     if trace is not None:
         outcome = Outcome(**asdict(outcome) | {"trace": sha256_of_json(trace)})
@@ -107,7 +113,13 @@ def write_outcome(books: Path, outcome: Outcome, trace: Json | None = None) -> O
     if outcome.code != OTHER_IMAGE:
         for folder in (IMAGES, TRACES):
             (books / folder / namesake(outcome.product, outcome.image)).unlink(missing_ok=True)
+    push_files(url, books, files_of(outcome))
     return outcome
+
+
+def files_of(outcome: Outcome) -> list[str]:
+    """Names, below the books, of the files of an outcome, in the order of writing."""
+    return [f"{folder}/{outcome.file_name}" for folder in (TRACES, IMAGES)]
 
 
 def _exchange(path: Path, content: Json) -> None:

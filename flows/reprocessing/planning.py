@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from catalog.absent import standing_in
 from catalog.errors import PlanetposeError, RefusedError
 from catalog.input_file import digest_of
 from catalog.spice import KernelLists
@@ -17,8 +18,9 @@ from flows.request import Request
 from flows.trace import changes, known_chain, trace_of
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
+from tasks.objectstore.publishing import origin_at, product_fault_at
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
-from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_other_image
+from tasks.publish.origin import OTHER_IMAGE, refuse_other_image
 from tasks.record import read_record
 from tasks.registry import PUBLISH
 
@@ -51,12 +53,23 @@ def plan_of(
 ) -> Plan:
     """Whether to do an image, and why: by the keys of its steps, as `correct` has them; where its fingerprint is that
     of its last outcome, it is unchanged without them."""
-    last = read_outcome(options.books, request.product, request.image)
+    last, kernels = read_outcome(options.books, request.product, request.image_place), kernels or KernelLists()
+    if request.addresses and request.addresses.of(request.image):
+        if last is None or last.source is None:
+            return Plan(request, True, "new" if last is None else "changed: its file was not had", "", last=last)
+        try:
+            absent = request.addresses.unchanged(request.image, last.source)
+        except PlanetposeError as error:
+            return Plan(request, True, f"changed: {error.reason}", "", last=last)
+        if absent is None:
+            return Plan(request, True, "changed: image", "", last=last)
+        with standing_in(*absent):
+            return plan_by_steps(request, options, last, kernels)
     fingerprint = fingerprints.of(request) if fingerprints is not None else None
     same = last is not None and last.status in PUBLISHED and fingerprint == last.fingerprint is not None
     if last is not None and same and other_reason(request, options, last) is None:
         return Plan(request, False, unchanged(last), str(last.image_sha256), False, {}, last, fingerprint)
-    return replace(plan_by_steps(request, options, last, kernels or KernelLists()), fingerprint=fingerprint)
+    return replace(plan_by_steps(request, options, last, kernels), fingerprint=fingerprint)
 
 
 def plan_by_steps(request: Request, options: ReprocessOptions, last: Outcome | None, kernels: KernelLists) -> Plan:
@@ -91,6 +104,7 @@ def image_or_fault(request: Request) -> str:
 def reason_of_name(request: Request, image: str, last: Outcome | None) -> str | None:
     """Why an image has to be done whose name is another one's, or was; None where there is nothing of that kind."""
     same = last is not None and last.status in PUBLISHED and last.image_sha256 == image
+    same = same or (last is None and request.publish_to is not None)  # its own steps look there
     taken = None if same else taken_by_another(request, image)
     if taken is not None and (last is None or last.code != OTHER_IMAGE):
         return f"its name is taken: {taken}"
@@ -125,8 +139,9 @@ def other_reason(request: Request, options: ReprocessOptions, last: Outcome) -> 
     if options.force:
         return "forced"
     if last.status in PUBLISHED:
-        fault = product_fault(request.product_folder, last, options.verify)
-        return fault or (published_fault(request, last) if options.verify else None)
+        if request.publish_to is not None:
+            return product_fault_at(request.publish_to, request.product, last.key) if options.verify else None
+        return product_fault(request.product_folder, last, options.verify)
     if last.passing and last.tries < TRIES:
         return f"{last.status} before, may pass ({last.code})"
     return f"{last.status} before ({last.code})" if options.again else None
@@ -135,7 +150,8 @@ def other_reason(request: Request, options: ReprocessOptions, last: Outcome) -> 
 def taken_by_another(request: Request, image: str) -> str | None:
     """The fault, when the product of the image's name is another image's; its own steps will say so."""
     try:
-        refuse_other_image(origin_of(request.product_folder), str(request.product_folder), request.image, image)
+        origin, place = origin_at(request.publish_to, request.product_folder), request.publish_to or request.store
+        refuse_other_image(origin, f"{place}/{request.product}", request.image_place, image)
     except RefusedError as error:
         return None if image.startswith("fault: ") else error.fault
     return None
@@ -168,17 +184,6 @@ def product_fault(folder: Path, last: Outcome, verify: bool) -> str | None:
         return "product is another one than remembered"
     faults = checksum_faults(folder) if verify else missing_files(folder)
     return f"product is damaged: {in_words(faults)}" if faults else None
-
-
-def published_fault(request: Request, last: Outcome) -> str | None:
-    """What is wrong with the product's copy in the object store. Raises FailedError when that cannot be reached."""
-    if request.publish_to is None:
-        return None
-    from tasks.objectstore.location import open_object_store
-    from tasks.objectstore.publishing import published_key
-
-    whole = published_key(open_object_store(request.publish_to), request.product) == last.key
-    return None if whole else "product is not in the object store"
 
 
 def missing_files(folder: Path) -> list[str]:

@@ -14,19 +14,20 @@ from typing import Any
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
-from flows.diagnosis import FAILED
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.reprocessing.outcomes import IMAGES, TRACES, Outcome, read_outcome, write_outcome
+from flows.reprocessing.outcomes import Outcome, names_of, read_outcome, write_outcome
 from flows.reprocessing.planners import each_plan
 from flows.reprocessing.planning import Plan
-from flows.reprocessing.tally import RUNS, Tally, row_of, write_tables
+from flows.reprocessing.tally import Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.request import Request
 from flows.requests import each_request, fetch_missing, listed, requests_of_list
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.boundary import PUBLISHED
 from tasks.cache import prune, sweep_cache
+from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
+from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
 from tasks.publish.origin import note_place
 
 logger = logging.getLogger("planetpose")
@@ -56,13 +57,13 @@ class Run:
         if plan.last is not None and plan.last.status in PUBLISHED:
             if plan.fingerprint == plan.last.fingerprint is not None:
                 return  # the place too is what it was
-            note_place(plan.request.product_folder, plan.request.image, plan.image)
+            note_place(plan.request.product_folder, plan.request.image_place, plan.image)
             self.note_fingerprint(plan, plan.last)
 
     def note_fingerprint(self, plan: Plan, last: Outcome) -> None:
         """Remember what an unchanged image was found to be made from, so that the next plan is quick."""
         books, product = self.options.books, plan.request.product
-        if plan.fingerprint is None or read_outcome(books, product, plan.request.image) != last:
+        if plan.fingerprint is None or read_outcome(books, product, plan.request.image_place) != last:
             return  # another run did it meanwhile
         with suppress(OSError):
             write_outcome(books, replace(last, fingerprint=plan.fingerprint))
@@ -70,13 +71,18 @@ class Run:
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
         lost on the way."""
-        outcome = read_outcome(self.options.books, product, self.images[product])
-        return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
+        books, url, image = self.options.books, place_of(self.options.store).publish_to, self.images[product]
+        for name in names_of(product, image):
+            pull_files(url, books, [f"{IMAGES}/{name}"])
+            outcome = read_outcome(books, product, image)
+            if outcome and (outcome.run == self.name or outcome.at >= self.began):
+                return outcome
+        return None
 
     @cached_property
-    def images(self) -> dict[str, Path]:
+    def images(self) -> dict[str, Path | str]:
         """The image of every product."""
-        return {request.product: request.image for request in self.requests}
+        return {request.product: request.image_place for request in self.requests}
 
     @property
     def began(self) -> str:
@@ -97,6 +103,7 @@ def begin(options: ReprocessOptions) -> Run:
     if options.fetch:
         fetch_missing(listed(options), options)
     requests = requests_of_list(options)
+    pull_state(place_of(options.store).publish_to, options.books)
     try:
         options.books.mkdir(parents=True, exist_ok=True)
         sweep(options.folder, options.steps_cache)
@@ -130,6 +137,7 @@ def planned(options: ReprocessOptions) -> tuple[int, Iterator[Plan]]:
     options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
     found = listed(options)
+    pull_state(place_of(options.store).publish_to, options.books)
     requests = each_request(found, options)
     return len(found.entries), each_plan(requests, len(found.entries), options)
 
@@ -169,7 +177,9 @@ def finish(run: Run) -> dict[str, Any]:
     }
     try:
         summary["table"] = str(write_tables(options, run.name, summary, rows_of(run)))
-    except OSError as error:
+        tables = [f"{RUNS}/{run.name}{end}" for end in (".csv", ".json")]
+        push_files(place_of(options.store).publish_to, options.books, tables)
+    except (OSError, FailedError) as error:
         logger.error("the table of %s was not written: %s", options.store, error)
     return summary
 
@@ -197,5 +207,7 @@ def rows_of(run: Run) -> Iterator[dict[str, Any]]:
     for request in run.requests:
         product = request.product
         done = product in run.why
-        outcome = run.outcome_of_this_run(product) if done else read_outcome(run.options.books, product, request.image)
+        outcome = (
+            run.outcome_of_this_run(product) if done else read_outcome(run.options.books, product, request.image_place)
+        )
         yield row_of(product, outcome, done, run.why.get(product, "unchanged"))

@@ -12,10 +12,10 @@ from flows.options import ReprocessOptions
 from flows.reprocessing.outcomes import Outcome
 from tasks.atomic import file_put_in_place
 from tasks.boundary import PUBLISHED
+from tasks.objectstore.state import RUNS
 
 STATUSES = (*PUBLISHED, "refused", "failed")
 COLUMNS = ("product", "status", "reason", "done", "why", "seconds", "peak_mb", "tries", "camera", "target", "utc")
-RUNS = "runs"
 
 
 class Tally:

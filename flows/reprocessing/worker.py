@@ -29,6 +29,8 @@ from flows.request import Request
 from flows.result import result_of
 from flows.trace import trace_of
 from tasks.boundary import trouble_of
+from tasks.objectstore.lease import leased
+from tasks.objectstore.location import open_object_store
 from tasks.record import RECORD_FILE, Record
 from tasks.registry import PUBLISH
 from tasks.step import AnyStep, run
@@ -92,7 +94,7 @@ def listen(connection: Connection, jobs: "SimpleQueue[dict[str, Any]]") -> None:
 
 def do(request: Request, say: Say) -> None:
     """Correct one image and say how it ended."""
-    with claimed(request.store, request.product, lambda: say("waiting")):
+    with claimed(request.store, request.product, lambda: say("waiting"), request.publish_to):
         say("begin")
         started, worked = time.perf_counter(), time.process_time()
         metrics: dict[str, dict[str, Any]] = {}
@@ -179,10 +181,14 @@ def can_pass(error: BaseException) -> bool:
 
 
 @contextmanager
-def claimed(store: Path, product: str, waiting: Callable[[], None]) -> Iterator[None]:
+def claimed(store: Path, product: str, waiting: Callable[[], None], url: str | None = None) -> Iterator[None]:
     """Hold the claim on a product, so that one process at a time works on it, and the next finds its steps done.
     `waiting` is called while another process holds it. The system frees it when its holder dies; its file is deleted by
-    whoever gives it back."""
+    whoever gives it back. url: of the object store that the product goes to; there the claim is a lease."""
+    if url is not None:
+        with leased(open_object_store(url), product, waiting):
+            yield
+        return
     path = store / BOOKS / CLAIMS / f"{product}.lock"
     path.parent.mkdir(parents=True, exist_ok=True)
     claim = FileLock(path)

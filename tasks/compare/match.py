@@ -69,7 +69,7 @@ def match_scene(observation: Observation, scene: Scene, pose: Pose, window: Wind
     if behind is None:
         return Match(image, weight, simulation, pose, scene)
     weight = (weight * behind.near / (1 + weight * behind.sigma**2)).astype(np.float32)
-    usable &= behind.clear
+    usable = usable & behind.clear
     return Match(image - behind.light, weight, simulation.hiding(behind.light), pose, scene, usable, behind)
 
 

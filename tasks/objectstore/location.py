@@ -1,12 +1,12 @@
 """Object stores by URL, `s3://bucket/prefix`, through fsspec; endpoint and credentials are found where AWS has them."""
 
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 from catalog.errors import FailedError, RefusedError
+from catalog.fetch.signed import storage_errors
 from catalog.reasons import Reason
 
 SEPARATOR = "://"
@@ -84,15 +84,6 @@ def reaching(store: ObjectStore) -> Iterator[None]:
         raise FailedError(
             Reason.STORE_UNREACHABLE, fault, "Check the network and AWS_ENDPOINT_URL."
         ) from ConnectionError(_in_words(error))
-
-
-def storage_errors() -> tuple[type[Exception], ...]:
-    """What file systems raise: the system's errors, and AWS' own when its library is in use."""
-    if "botocore" not in sys.modules:
-        return (OSError,)
-    from botocore.exceptions import BotoCoreError, ClientError
-
-    return (OSError, BotoCoreError, ClientError)
 
 
 def _in_words(error: Exception) -> str:

@@ -57,7 +57,7 @@ def run(inputs: UploadInputs, files: UploadFiles, _: Work) -> UploadResult:
     origin = origin_of(folder)
     if origin is not None and origin.paths:
         place = f"{store.url}/{folder.name}"
-        refuse_other_image(published_origin(store, folder.name), place, Path(origin.paths[-1]), origin.sha256)
+        refuse_other_image(published_origin(store, folder.name), place, origin.paths[-1], origin.sha256)
     return UploadResult(url=inputs.url, **asdict(publish_product(folder, store)))
 
 

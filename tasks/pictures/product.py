@@ -45,15 +45,23 @@ def read_product(folder: Path, basemap: Path | None = None) -> Product:
     """
     folder = Path(folder)
     with reading_product(folder):
-        with opened_cube(folder) as cube:
-            attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
-            resampled = "resampled_image" in cube
-            image = cube["resampled_image" if resampled else "image"].values
-            quality = np.zeros(image.shape, np.uint16) if resampled else cube["quality"].values.astype(np.uint16)
-        target = Target.model_validate(attributes["target_model"])
-        camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
-        settings = attributes["settings"]
-        known = map_of_product(attributes["provenance"].get("basemap", {}), target, basemap, folder)
+        if not (folder / CUBE).is_dir():
+            raise no_cube_in(folder)
+        return product_in(folder, CUBE, basemap)
+
+
+def product_in(folder: Path, cube_name: str, basemap: Path | None = None) -> Product:
+    """The same of a group with the attributes of a cube under another name. Raises RefusedError where the base map is
+    not at hand."""
+    with open_cube(folder / cube_name) as cube:
+        attributes = {name: _loaded(value) for name, value in cube.attrs.items()}
+        resampled = "resampled_image" in cube
+        image = cube["resampled_image" if resampled else "image"].values
+        quality = np.zeros(image.shape, np.uint16) if resampled else cube["quality"].values.astype(np.uint16)
+    target = Target.model_validate(attributes["target_model"])
+    camera: Camera = camera_from_dict(attributes["camera_model"], f"of the cube in {folder}")
+    settings = attributes["settings"]
+    known = map_of_product(attributes["provenance"].get("basemap", {}), target, basemap, folder)
     return Product(
         attributes["product"],
         _observation(image, quality),

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from catalog.errors import RefusedError
+from catalog.lists.location import address_in
 from catalog.plain_files import own_json
 from catalog.plain_text import shown_path
 from catalog.reasons import Reason
@@ -33,18 +34,19 @@ REMEDY = (
 
 @dataclass(frozen=True)
 class Origin:
-    """The image of a product. sha256: of its content. paths: absolute ones at which it was seen, the latest last."""
+    """The image of a product. sha256: of its content. paths: absolute ones, or addresses, at which it was seen, the
+    latest last."""
 
     sha256: str
     paths: tuple[str, ...] = ()
 
-    def is_of(self, image: Path, sha256: str) -> bool:
+    def is_of(self, image: Path | str, sha256: str) -> bool:
         """Whether a file is the same image: its content is, or it lies where the image was seen."""
-        return sha256 == self.sha256 or any(_is_same_place(path, str(image)) for path in self.paths)
+        return sha256 == self.sha256 or any(_is_same_place(path, image) for path in self.paths)
 
-    def seen_at(self, image: Path, sha256: str) -> "Origin":
+    def seen_at(self, image: Path | str, sha256: str) -> "Origin":
         """The origin after a file of the same image was found with that content."""
-        path = os.path.abspath(image)
+        path = place_of_image(image)
         others = [known for known in self.paths if known != path]
         return Origin(sha256, (*others, path)[-MOST_PATHS:])
 
@@ -68,7 +70,12 @@ def origin_of(folder: Path) -> Origin | None:
     return None
 
 
-def refuse_taken(folder: Path, image: Path, sha256: str) -> None:
+def place_of_image(image: Path | str) -> str:
+    """An address as it is, a file's absolute path."""
+    return str(image) if address_in(image) and not isinstance(image, Path) else os.path.abspath(image)
+
+
+def refuse_taken(folder: Path, image: Path | str, sha256: str) -> None:
     """Raises RefusedError when a product of `image` may not be put at `folder`: the product there is of another image,
     or what is there is no product and would be lost."""
     if not os.path.lexists(folder):
@@ -79,21 +86,21 @@ def refuse_taken(folder: Path, image: Path, sha256: str) -> None:
     refuse_other_image(origin_of(folder), str(folder), image, sha256)
 
 
-def refuse_other_image(origin: Origin | None, place: str, image: Path, sha256: str) -> None:
+def refuse_other_image(origin: Origin | None, place: str, image: Path | str, sha256: str) -> None:
     """Raises RefusedError when a product at `place`, of that origin, is of another image than the file `image`."""
     if origin is None or origin.is_of(image, sha256):
         return
     other = origin.paths[-1] if origin.paths else f"one with the sha256 {origin.sha256}"
-    fault = f"{place} is the product of another image, {other}; {os.path.abspath(image)} has the same name."
+    fault = f"{place} is the product of another image, {other}; {place_of_image(image)} has the same name."
     raise RefusedError(OTHER_IMAGE, fault, REMEDY)
 
 
-def note_place(folder: Path, image: Path, sha256: str) -> None:
+def note_place(folder: Path, image: Path | str, sha256: str) -> None:
     """Remember in the product's record that its image was seen at a new place, where that can be written."""
     with suppress(*DAMAGE):
         record = record_in(folder)
         origin = Origin.from_dict(record.result["image"])
-        path = os.path.abspath(image)
+        path = place_of_image(image)
         if path in origin.paths or sha256 != origin.sha256 or not _is_text(path):
             return
         record.result["image"] = origin.seen_at(image, sha256).to_dict()
@@ -108,8 +115,9 @@ def _is_product_or_empty(folder: Path) -> bool:
     return not found or any(os.path.lexists(folder / name) for name in PARTS)
 
 
-def _is_same_place(known: str, image: str) -> bool:
-    return known == os.path.abspath(image) or os.path.realpath(known) == os.path.realpath(image)
+def _is_same_place(known: str, image: Path | str) -> bool:
+    place = place_of_image(image)
+    return known == place or os.path.realpath(known) == os.path.realpath(place)
 
 
 def _is_text(path: str) -> bool:

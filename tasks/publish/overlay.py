@@ -1,7 +1,7 @@
-"""The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator."""
+"""The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator, other bodies and
+stars."""
 
-import threading
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +18,7 @@ from tasks.project.points import latitude_longitude
 from tasks.publish.framing import Box, box_of, close_up, union
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from tasks.publish.drawing import Panel, Picture
 
 # Okabe and Ito's colours, which colour-blind eyes distinguish; line styles differ too.
 PREDICTED: dict[str, Any] = {"color": "#E69F00", "linestyle": (0, (6, 4)), "linewidth": 1.6}
@@ -27,16 +27,17 @@ TERMINATOR: dict[str, Any] = {"color": "#F0E442", "linestyle": (0, (1, 1.6)), "l
 GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "alpha": 0.6}
 OTHER: dict[str, Any] = {"color": "#CC79A7", "linestyle": "-", "linewidth": 1.4}
 RING: dict[str, Any] = {"color": "#CC79A7", "linestyle": ":", "linewidth": 0.9}
-SHADOW = "#D55E00"
+SHADOW: dict[str, Any] = {"color": "#D55E00", "linestyle": "--", "linewidth": 1.2}
+STAR: dict[str, Any] = {"color": "#009E73", "linestyle": "-", "linewidth": 1.2}
+NO_STAR: dict[str, Any] = {"color": "#E69F00", "linestyle": "-", "linewidth": 1.0}
+STAR_SHARE = 0.008  # half width of a star's mark, of the width that a panel shows
 OTHER_POINTS = 1440
 GRID_STEP_DEG = 30.0
 LABEL_COSINE = 0.3  # of emission, below which grid labels would crowd
 GAMMA = 0.65
-DPI = 110
-SIDE_INCHES = 8.0
-PNG_LEVEL = 3  # in two thirds of the time as small as the usual 6
-
-_MATPLOTLIB_LOCK = threading.Lock()  # its font machinery is not made for threads
+# Pixels of the canvas: its width with one panel, and margins for ticks, title, legend.
+WIDTH_PX, LEFT_PX, RIGHT_PX, TITLE_PX, BOTTOM_PX = 880, 62, 14, 44, 84
+HEIGHT_PX = (385, 1155)  # of a panel, least and most
 
 
 def draw_overlay(
@@ -48,41 +49,60 @@ def draw_overlay(
     path: Path,
     title: str = "",
     found: str = "corrected limb",
+    stars: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write the overlay of an undistorted image (ny, nx) as PNG and return its path.
 
     The picture is cut to the target; when the predicted limb lies far from the corrected one, a second panel shows the
-    whole frame with both. found: what the limb of `pose_after` is called.
+    whole frame with both; so it does where stars are known. found: what the limb of `pose_after` is called. stars: what
+    a result says of them.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-    from PIL import Image
-
     before, after = limb(pose_before, camera, target), limb(pose_after, camera, target)
     frame = Box(-0.5, -0.5, camera.size_px[0] - 0.5, camera.size_px[1] - 0.5)
     box, far_apart = close_up(box_of(before.xy_px), box_of(after.xy_px), frame)
-    with _MATPLOTLIB_LOCK:
-        figure = Figure(figsize=_figure_inches(box, far_apart), dpi=DPI, layout="constrained")
-        canvas = FigureCanvasAgg(figure)
-        panels = figure.subplots(1, 2 if far_apart else 1, width_ratios=(3, 2) if far_apart else (1,), squeeze=False)[0]
-        shown = stretched(image)
-        _draw_body(panels[0], shown, box, pose_after, camera, target)
-        _draw_limbs(panels[0], before, after, found)
-        _draw_others(panels, pose_after, camera, target)
-        if far_apart:
-            _show(panels[1], shown, union(frame, box_of(before.xy_px), box_of(after.xy_px)))
-            _draw_limbs(panels[1], before, after, found)
-            panels[1].set_title("whole frame", fontsize=9)
-        figure.suptitle(title, fontsize=10)
-        handles, labels = panels[0].get_legend_handles_labels()
-        figure.legend(
-            handles, labels, loc="outside lower center", ncols=4, fontsize=9, facecolor="#333333", labelcolor="white"
-        )
-        # `savefig` would draw everything twice.
-        canvas.draw()
-        picture = Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3])
-    picture.save(path, format="PNG", dpi=(DPI, DPI), compress_level=PNG_LEVEL)
+    far_apart = far_apart or (bool(stars and stars.get("matches")) and box != frame)
+    boxes = [box, union(frame, box_of(before.xy_px), box_of(after.xy_px))] if far_apart else [box]
+    picture, panels = _canvas(boxes)
+    shown = stretched(image)
+    for panel in panels:
+        panel.image(shown)
+    lines = graticule(pose_after, camera, target, GRID_STEP_DEG)
+    panels[0].curves([line.visible_xy_px for line in lines], GRID, edge=(1.2, 0.35))
+    for label in grid_labels(lines, pose_after, target):
+        panels[0].label(*label)
+    panels[0].curves([terminator(pose_after, camera, target).visible_xy_px], TERMINATOR)
+    legend = [("terminator", TERMINATOR), (found, CORRECTED), ("predicted limb", PREDICTED)]
+    for panel in panels:
+        panel.curves([_closed(after.xy_px)], CORRECTED)
+        panel.curves([_closed(before.xy_px)], PREDICTED)
+    legend += _draw_others(panels, pose_after, camera, target)
+    legend += _draw_stars(panels, boxes, stars or {})
+    for panel in panels:
+        panel.axes()
+    if far_apart:
+        picture.text((panels[1].left + panels[1].width / 2, panels[1].top - 6), "whole frame", 9, "mb")
+    picture.text((picture.rgb.shape[1] / 2, TITLE_PX / 2), title, 10)
+    picture.legend(legend, picture.rgb.shape[0] - 8)
+    picture.save(path)
     return Path(path)
+
+
+def _canvas(boxes: list[Box]) -> "tuple[Picture, list[Panel]]":
+    """A canvas with a panel for each part of the frame, the second in two thirds of the first one's width."""
+    from tasks.publish.drawing import Panel, Picture
+
+    width = WIDTH_PX - LEFT_PX - RIGHT_PX
+    height = int(np.clip(width * boxes[0].height / boxes[0].width, *HEIGHT_PX))
+    picture = Picture(round(WIDTH_PX * (5 / 3 if len(boxes) > 1 else 1)), TITLE_PX + height + BOTTOM_PX)
+    panels = [Panel(picture, boxes[0], LEFT_PX, TITLE_PX, (width, height))]
+    if len(boxes) > 1:
+        second = round(WIDTH_PX * 2 / 3) - LEFT_PX - RIGHT_PX
+        panels.append(Panel(picture, boxes[1], WIDTH_PX + LEFT_PX, TITLE_PX, (second, height)))
+    return picture, panels
+
+
+def _closed(xy_px: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.vstack([xy_px, xy_px[:1]])
 
 
 def stretched(image: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -93,41 +113,6 @@ def stretched(image: NDArray[np.float32]) -> NDArray[np.float32]:
     low, high = np.percentile(finite, [2.0, 99.9])
     scale = max(float(high - low), 1e-30)
     return (np.clip((np.nan_to_num(image, nan=low) - low) / scale, 0.0, 1.0) ** GAMMA).astype(np.float32)
-
-
-def _figure_inches(box: Box, far_apart: bool) -> tuple[float, float]:
-    panel = float(np.clip((SIDE_INCHES - 0.7) * box.height / box.width, 3.5, 10.5))
-    return SIDE_INCHES * (5 / 3 if far_apart else 1.0), panel + 1.4
-
-
-def _show(axes: "Axes", shown: NDArray[np.float32], box: Box) -> None:
-    axes.imshow(shown, cmap="gray", vmin=0, vmax=1, origin="upper")
-    axes.set_facecolor("#202020")
-    axes.set_xlim(box.x0, box.x1)
-    axes.set_ylim(box.y1, box.y0)
-    axes.set_xlabel("x (px)", fontsize=8)
-    axes.set_ylabel("y (px)", fontsize=8)
-    axes.tick_params(labelsize=8)
-
-
-def _draw_body(axes: "Axes", shown: NDArray[np.float32], box: Box, pose: Pose, camera: Camera, target: Target) -> None:
-    _show(axes, shown, box)
-    lines = graticule(pose, camera, target, GRID_STEP_DEG)
-    for line in lines:
-        axes.plot(*line.visible_xy_px.T, path_effects=_dark_edge(1.2, 0.35), **GRID)
-    for text, xy, shift in grid_labels(lines, pose, target):
-        axes.annotate(
-            text, xy, xytext=shift, textcoords="offset points", ha="center", va="center", fontsize=7,
-            color="white", annotation_clip=True, path_effects=_dark_edge(1.6, 0.8),
-        )  # fmt: skip
-    axes.plot(*terminator(pose, camera, target).visible_xy_px.T, label="terminator", **TERMINATOR)
-
-
-def _dark_edge(width: float, alpha: float) -> list[Any]:
-    """White that stays legible on a bright surface."""
-    from matplotlib.patheffects import Normal, Stroke
-
-    return [Stroke(linewidth=width, foreground="black", alpha=alpha), Normal()]
 
 
 Label = tuple[str, tuple[float, float], tuple[float, float]]
@@ -158,29 +143,56 @@ def _emission_cosine(pose: Pose, target: Target, point_km: NDArray[np.float64]) 
     return float(normal @ sight / np.linalg.norm(normal) / np.linalg.norm(sight))
 
 
-def _draw_others(panels: Iterable["Axes"], pose: Pose, camera: Camera, target: Target) -> None:
-    """Limbs of the other bodies, rings' edges, and the edge of the shadows on what is seen."""
+def _draw_others(
+    panels: "Sequence[Panel]", pose: Pose, camera: Camera, target: Target
+) -> list[tuple[str, dict[str, Any]]]:
+    """Limbs of the other bodies, rings' edges, and the edge of the shadows on what is seen; what the legend says."""
     if not has_company(pose, camera, target):
-        return
-    label: str | None = "other bodies"
+        return []
+    legend = []
     bodies = [body for body in bodies_of(pose, target) if in_frame(body, camera)]
+    limbs = [limb(each.pose, camera, each.target, OTHER_POINTS).xy_px for each in bodies if each.place is not None]
+    rings = [
+        _circle(each.pose, camera, radius)
+        for each in bodies
+        for ring in each.target.rings
+        for radius in (ring.inner_km, ring.outer_km)
+    ]
     shadow = np.nan_to_num(seen_by_frame(pose, camera, target).shadow)
-    for axes in panels:
-        limits = axes.get_xlim(), axes.get_ylim()
-        for body in bodies:
-            if body.place is not None:
-                x, y = limb(body.pose, camera, body.target, OTHER_POINTS).xy_px.T
-                axes.plot(x, y, label=label, **OTHER)
-                label = None
-            for ring in body.target.rings:
-                for radius in (ring.inner_km, ring.outer_km):
-                    x, y = _circle(body.pose, camera, radius).T
-                    axes.plot(x, y, **RING)
-        if shadow.max() > 0.5:
-            axes.contour(shadow, levels=[0.5], colors=[SHADOW], linewidths=1.2, linestyles="dashed")
-            axes.plot([], [], color=SHADOW, linestyle="--", linewidth=1.2, label="shadow")
-        axes.set_xlim(*limits[0])
-        axes.set_ylim(*limits[1])
+    edges: list[NDArray[np.float64]] = []
+    if shadow.max() > 0.5:
+        from skimage.measure import find_contours
+
+        edges = [contour[:, ::-1] for contour in find_contours(shadow, 0.5)]
+    for panel in panels:
+        panel.curves(limbs, OTHER)
+        panel.curves(rings, RING)
+        panel.curves(edges, SHADOW)
+    if limbs:
+        legend.append(("other bodies", OTHER))
+    if edges:
+        legend.append(("shadow", SHADOW))
+    return legend
+
+
+def _draw_stars(
+    panels: "Sequence[Panel]", boxes: Sequence[Box], stars: Mapping[str, Any]
+) -> list[tuple[str, dict[str, Any]]]:
+    """Rings around identified stars, squares around star images that are none of the catalog's; the legend's words."""
+    angle = np.linspace(0, 2 * np.pi, 25)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    legend = []
+    for key, shape, style, words in (
+        ("matches", ring, STAR, "identified stars"),
+        ("unidentified", square, NO_STAR, "star images not identified"),
+    ):
+        places = [np.array([each["x_px"], each["y_px"]]) for each in stars.get(key) or []]
+        for panel, box in zip(panels, boxes, strict=True):
+            panel.curves([place + STAR_SHARE * box.width * shape for place in places], style)
+        if places:
+            legend.append((words, style))
+    return legend
 
 
 def _circle(pose: Pose, camera: Camera, radius_km: float) -> NDArray[np.float64]:
@@ -188,9 +200,3 @@ def _circle(pose: Pose, camera: Camera, radius_km: float) -> NDArray[np.float64]
     angle = np.linspace(0, 2 * np.pi, OTHER_POINTS)
     points = radius_km * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1)
     return camera.project((points @ pose.body_from_j2000 + pose.target_from_spacecraft_km) @ pose.camera_from_j2000.T)
-
-
-def _draw_limbs(axes: "Axes", before: Curve, after: Curve, found: str) -> None:
-    for curve, style, label in ((after, CORRECTED, found), (before, PREDICTED, "predicted limb")):
-        x, y = np.vstack([curve.xy_px, curve.xy_px[:1]]).T
-        axes.plot(x, y, label=label, **style)

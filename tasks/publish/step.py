@@ -66,13 +66,13 @@ class PublishInputs(Content):
 class PublishFiles:
     """image_folder: of the step that left the undistorted image. steps: folders of all steps, in the order of doing.
     corrections: names of those that corrected the pose. result: what is known of the result so far, plain JSON. image:
-    the image's file, of the content sha256. known_places: where it was seen before."""
+    the image's file or address, of the content sha256. known_places: where it was seen before."""
 
     image_folder: Path
     steps: dict[str, Path]
     corrections: tuple[str, ...]
     result: Json
-    image: Path
+    image: Path | str
     sha256: str
     known_places: tuple[str, ...]
 

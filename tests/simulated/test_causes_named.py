@@ -5,7 +5,8 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from drawn_scenes import Drawn, drawn, scenes
+from drawn import Drawn, drawn
+from drawn_scenes import scenes
 from hostile import Hostile
 
 from catalog.basemap import map_of_target

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cramer_rao import cramer_rao
 from simulated_world import NOISE_DN, foreign_image, observation_of, observed, scene_of, small_camera, true_pose
 
 from catalog.basemap import BaseMap
@@ -12,7 +13,6 @@ from catalog.pose import Pose
 from lab.simulate.plant import planted, pose_error
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.coarse_to_fine import estimated, prior_sigmas
-from tasks.joint.cramer_rao import cramer_rao
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
 from tasks.joint.problem import Problem
 from tasks.joint.settings import SystematicSettings

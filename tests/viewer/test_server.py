@@ -5,10 +5,10 @@ import gzip
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from client import client_of
 from fastapi.testclient import TestClient
 from PIL import Image
 from small_product import small_publication
@@ -34,12 +34,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
         result = {"status": "doubtful" if rms > 0.5 else "ok", "reason": None, "limb_rms_px": rms}
         publish(small_publication(f"C000{number}", result={**result, "uncertainty": {"centre_px": [0.1, rms]}}), folder)
     return folder
-
-
-def client_of(store: Path, **access: Any) -> tuple[TestClient, Access]:
-    made = Access(**{"port": 8080, **access})
-    client = TestClient(build_app(store, made), base_url="http://127.0.0.1:8080")
-    return client, made
 
 
 @pytest.fixture
@@ -137,6 +131,18 @@ def test_a_link_from_elsewhere_opens_the_page_and_no_page_may_frame_it(client: T
     assert page.status_code == 200
     assert "frame-ancestors 'none'" in page.headers["content-security-policy"]
     assert client.get("/", headers=visit | {"sec-fetch-dest": "iframe"}).status_code == 403
+
+
+def test_a_notebook_may_frame_the_page_by_its_token_alone(store: Path) -> None:
+    client, access = client_of(store, framed=True)
+    frame = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"}
+    page = client.get("/", headers=frame, params={"token": access.token})
+    assert (page.status_code, "frame-ancestors" in page.headers["content-security-policy"]) == (200, False)
+    for token in ({}, {"token": "wrong"}):
+        assert client.get("/", headers=frame, params=token).status_code == 403
+        assert "frame-ancestors 'none'" in client.get("/", params=token).headers["content-security-policy"]
+    unframed, other = client_of(store)
+    assert unframed.get("/", headers=frame, params={"token": other.token}).status_code == 403
 
 
 def test_writing_needs_the_token_of_the_page(tmp_path: Path) -> None:

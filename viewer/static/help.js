@@ -12,6 +12,7 @@ export class Help {
     this.of("help-panel").addEventListener("toggle", () => this.toggled());
     this.of("paint").addEventListener("click", () => this.paint());
     this.of("clear-mask").addEventListener("click", () => { picture.mask = null; picture.redraw(); });
+    this.of("help-best").addEventListener("click", () => this.toBest());
     this.of("redo").addEventListener("click", () => this.redo().catch(on.fault));
   }
 
@@ -50,6 +51,15 @@ export class Help {
     if (!this.picture.help) return;
     this.of("help-x").value = (this.picture.help.x + dx).toFixed(2);
     this.of("help-y").value = (this.picture.help.y + dy).toFixed(2);
+    this.fromFields();
+  }
+
+  // The disk to where the corrected limb is, or of a failed image the one that was most like it.
+  toBest() { if (this.page?.centre_px) this.put(this.page.centre_px); }
+
+  put([x, y]) {
+    if (!this.picture.help) return;
+    [this.of("help-x").value, this.of("help-y").value] = [x.toFixed(2), y.toFixed(2)];
     this.fromFields();
   }
 

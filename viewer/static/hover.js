@@ -5,6 +5,9 @@ const PLANES = ["image", "latitude", "longitude", "incidence", "emission", "phas
 const COLUMNS = ["product", "x_px", "y_px", "value", "latitude_deg", "longitude_deg", "incidence_deg", "emission_deg", "phase_deg", "range_km", "remark"];
 const SIGMAS = ["latitude_deg", "longitude_deg", "x_px", "y_px"];
 
+// A failed image has no coordinates.
+const planesOf = (page) => PLANES.filter((name) => page.planes.some((each) => each.name === name));
+
 export class Hover {
   constructor(elements, picture) {
     Object.assign(this, elements, { picture, pins: [], at: null });
@@ -16,14 +19,14 @@ export class Hover {
     const inside = [column, row].every((place, i) => place >= 0 && place * page.tile_px < page.size_px[i]);
     if (this.picture.page !== page) return;
     const place = inside ? [column, row] : [0, 0];
-    await Promise.all(PLANES.map((plane) => this.picture.tiles.wait(page, this.picture.side, plane, 0, ...place)));
+    await Promise.all(planesOf(page).map((plane) => this.picture.tiles.wait(page, this.picture.side, plane, 0, ...place)));
   }
 
   values(x, y) {
     const { page, side, tiles } = this.picture, [nx, ny] = page.size_px;
     if (x < 0 || y < 0 || x >= nx || y >= ny) return null;
     const chosen = [this.picture.plane, this.picture.colour].filter((plane) => plane && !PLANES.includes(plane));
-    return Object.fromEntries([...PLANES, ...chosen].map((plane) => [plane, tiles.value(page, side, plane, x, y)]));
+    return Object.fromEntries([...planesOf(page), ...chosen].map((plane) => [plane, tiles.value(page, side, plane, x, y)]));
   }
 
   move(place) {
@@ -39,7 +42,7 @@ export class Hover {
       parts.push(`longitude <b>${number(values.longitude, 6)} E</b>${sigma("longitude_uncertainty")}`);
       for (const name of ["incidence", "emission", "phase"]) parts.push(`${name} <b>${number(values[name], 5)}</b>`);
       if (values.incidence >= 90) parts.push("night side");
-    } else parts.push(values.latitude === undefined ? "…" : "off the body");
+    } else parts.push(page.failed ? "no coordinates: no pose is confirmed" : values.latitude === undefined ? "…" : "off the body");
     for (const name of Object.keys(values).filter((each) => !PLANES.includes(each))) parts.push(`${name} <b>${number(values[name], 5)}</b>`);
     const flags = page.flags.filter((flag) => values.quality & flag.mask).map((flag) => flag.name);
     parts.push(`<span class="quiet">flags: ${flags.join(", ") || "none"}</span>`);
@@ -49,9 +52,9 @@ export class Hover {
   async pin(place) {
     const { page } = this.picture;
     let found;
-    if (isStatic) {
+    if (isStatic || page.failed) {
       const [x, y] = place.map(Math.round), values = this.values(x, y) ?? {};
-      found = { product: page.product, x_px: x, y_px: y, value: values.image, latitude_deg: values.latitude, longitude_deg: values.longitude, incidence_deg: values.incidence, emission_deg: values.emission, phase_deg: values.phase, remark: "", sigmas: { latitude_deg: values.latitude_uncertainty, longitude_deg: values.longitude_uncertainty } };
+      found = { product: page.product, x_px: x, y_px: y, value: values.image, latitude_deg: values.latitude, longitude_deg: values.longitude, incidence_deg: values.incidence, emission_deg: values.emission, phase_deg: values.phase, remark: page.failed ? "no pose is confirmed" : "", sigmas: { latitude_deg: values.latitude_uncertainty, longitude_deg: values.longitude_uncertainty } };
     } else found = await backend.at(page.product, place[0] + page.first_px[0], place[1] + page.first_px[1]);
     this.add(found);
   }

@@ -20,7 +20,7 @@ const guarded = (work) => (...given) => Promise.resolve(work(...given)).catch(fa
 
 const picture = new Picture(of("picture"), {
   hover: (place) => { const begun = performance.now(); hover.move(place); times.hovered.push(performance.now() - begun); if (times.hovered.length > 500) times.hovered.shift(); },
-  click: guarded(async (place) => { await hover.pin(place); }),
+  click: guarded(async (place) => { if (help.open && !state.about.read_only) help.put(place); else await hover.pin(place); }),
   loaded: () => { hover.move(hover.at); picture.legend(of("legend-bar"), of("legend-text")); showPlaneFault(); },
   drawn: (page) => { times.opened.push({ product: page.product, ms: performance.now() - state.asked }); afterFirstPicture(page); },
   dragKind: (place, at) => {
@@ -85,12 +85,16 @@ async function show(page, keepView = false) {
   showSide(page, page.row);
   const pictured = Boolean(page.size_px);
   of("stage").hidden = !pictured;
-  of("hover").textContent = pictured ? "" : "no picture: the image has no product";
+  of("hover").textContent = pictured ? "" : "no picture: the image could not be read so far, see its reason";
+  of("unconfirmed").hidden = !page.failed;
+  for (const layer of ["others", "stars"]) of(`${layer}-box`).hidden = !page[layer]?.length;
+  document.querySelector('[data-layer="flow"]').disabled = isStatic;
   for (const id of ["accept", "reject", "note", "undo", "redo"]) of(id).disabled = isStatic || state.about.read_only;
   if (!pictured) { picture.page = null; help.shown(null); return; }
   fillPlanes(page);
   picture.show(page, keepView);
   help.shown(page);
+  if (picture.layers.flow) fetchFlow().catch(fault);
   of("flag").replaceChildren(new Option("none", "0"), ...page.flags.map((flag) => new Option(flag.name, flag.mask, false, flag.mask === picture.flag)));
 }
 
@@ -117,6 +121,18 @@ async function fetchNext(page) {
   const next = await coming.catch(() => null);
   if (!next) state.next = null;
   if (next?.size_px && state.page === page) await picture.tiles.wait(next, picture.side, picture.plane, next.levels - 1, 0, 0);
+}
+
+// Shifts of the markings: some seconds of the server, so only when they are wanted.
+async function fetchFlow() {
+  const { page } = state;
+  if (isStatic || !page?.size_px || (picture.flow?.product === page.product && picture.flow.version === page.version)) return;
+  of("hover").textContent = "comparing the markings with the simulation ...";
+  const found = await backend.flow(page.product);
+  if (state.page !== page) return;
+  picture.flow = { ...found, product: page.product, version: page.version };
+  of("hover").textContent = "";
+  picture.redraw();
 }
 
 async function step(by) {
@@ -173,6 +189,12 @@ async function ask(text) {
 }
 of("filter").addEventListener("input", () => { clearTimeout(typed); typed = setTimeout(() => ask(of("filter").value), 150); });
 of("filter-form").addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(typed); ask(of("filter").value); of("table").focus(); });
+async function worstFirst() {
+  await table.ask({ ...table.asked, sort: "worst", down: true });
+  const row = await table.rowAt(0);
+  if (row) await choose(row.product, 0);
+}
+of("worst").addEventListener("click", guarded(worstFirst));
 const PRESET = ["sigma > 0.1", "status = doubtful", "limb > 0.5", "review = \"\" and status = doubtful", "not status = ok"];
 function saved() { try { return JSON.parse(localStorage.getItem("planetpose-filters")) ?? PRESET; } catch { return PRESET; } }
 function listSaved() { of("saved-filters").replaceChildren(...saved().map((text) => new Option(text))); }
@@ -201,7 +223,7 @@ bind("opacity", (value) => { picture.opacity = Number(value); });
 bind("contour", (value) => { picture.contour = Math.max(Number(value) || 0, 0); });
 bind("other", (value) => { [picture.other, picture.otherSide] = value === "@other" ? ["image", 1] : [value, 0]; });
 bind("flag", (value) => { picture.flag = Number(value); });
-for (const box of document.querySelectorAll("[data-layer]")) box.addEventListener("change", () => { picture.layers[box.dataset.layer] = box.checked; changed(); });
+for (const box of document.querySelectorAll("[data-layer]")) box.addEventListener("change", () => { picture.layers[box.dataset.layer] = box.checked; changed(); if (box.dataset.layer === "flow" && box.checked) fetchFlow().catch(fault); });
 of("fit").addEventListener("click", () => picture.fit());
 of("disk").addEventListener("click", () => picture.fitDisk());
 let blinking = 0;
@@ -236,8 +258,8 @@ const KEYS = {
   "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
   "a": ["accept, and go on", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
   "n": ["note", () => decide("note")], "u": ["undo the latest decision", undo],
-  "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
-  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "b": ["blink with the other plane", () => of("blink").click()],
+  "w": ["worst first", worstFirst], "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
+  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink with the other plane", () => of("blink").click()],
   "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => { of("help-panel").open = !of("help-panel").open; }],
   "0": ["whole frame", () => picture.fit()], "9": ["the disk", () => picture.fitDisk()], "+": ["closer", () => picture.zoom(1.5)], "-": ["farther", () => picture.zoom(1 / 1.5)],
   "?": ["this list", () => of("keys").click()],

@@ -9,15 +9,22 @@ const STYLE = {
   terminator: { colour: "#f0e442", dash: [1.5, 3], width: 2 },
   grid: { colour: "rgba(255,255,255,.62)", dash: [], width: 0.8 },
   help: { colour: "#e69f00", dash: [3, 3], width: 2.2 },
+  other: { colour: "#cc79a7", dash: [], width: 1.5 },
+  ring: { colour: "#cc79a7", dash: [1.5, 3], width: 1 },
+  flow: { colour: "#2fc18c", dash: [], width: 1.3 },
+  star: { colour: "#f0e442", dash: [], width: 1.3 },
 };
 const LARGEST_SCALE = 40;
+const ARROW_PX = 22;  // on the screen, of the longest tenth of the shifts
+const STAR_PX = 7;
 
 export class Picture {
   constructor(canvas, on) {
     Object.assign(this, { canvas, on, page: null, scale: 1, centre: [0, 0], plane: "image", other: "simulation" });
     Object.assign(this, { colour: "", opacity: 0.6, contour: 0, flag: 0, blink: false, swipe: null, side: 0, otherSide: 0 });
     this.stretch = { kind: "percentile", low: 0.5, high: 99.8, gamma: 0.65 };
-    this.layers = { limb: true, predicted: true, grid: false, terminator: false };
+    this.layers = { limb: true, predicted: true, grid: false, terminator: false, flow: false, others: true, stars: true };
+    this.flow = null;
     this.help = null; this.mask = null; this.measure = null; this.earlier = null; this.phase = 0; this.statistics = new Map();
     this.tiles = new Tiles((plane) => { this.redraw(); on.loaded?.(plane); });
     this.context = canvas.getContext("2d");
@@ -179,6 +186,9 @@ export class Picture {
     if (this.earlier?.product === this.page.product) this.line(this.earlier.limb, STYLE.before);
     if (layers.predicted) this.line(curves.before.limb, STYLE.predicted);
     if (layers.limb) this.line(curves.after.limb, STYLE.limb);
+    if (layers.others) for (const other of this.page.others ?? []) this.drawOther(other);
+    if (layers.stars) for (const star of this.page.stars ?? []) this.drawStar(star);
+    if (layers.flow) this.drawFlow();
     if (this.help) this.line(this.helpOutline(), STYLE.help);
     if (this.measure?.length === 2) {
       this.line(this.measure, { colour: "#fff", dash: [], width: 1.5 });
@@ -186,6 +196,51 @@ export class Picture {
       this.context.textAlign = "left";
       if (this.measured) this.text(this.measured, this.screenAt(this.measure[1]));
     }
+  }
+
+  drawOther({ name, limb, rings, measured_px: measured, predicted_px: predicted }) {
+    this.line(limb, STYLE.other);
+    for (const ring of rings) this.line(ring, STYLE.ring);
+    if (measured) this.cross(measured, STYLE.other);
+    const top = limb.filter(Boolean).reduce((best, point) => (!best || point[1] < best[1] ? point : best), null) ?? predicted;
+    if (top && limb.length) this.text(name, this.screenAt(top));
+  }
+
+  drawStar({ xy, magnitude, used }) {
+    const [x, y] = this.screenAt(xy), circle = [];
+    for (let i = 0; i <= 24; i++) circle.push([x + STAR_PX * Math.cos(i * Math.PI / 12), y + STAR_PX * Math.sin(i * Math.PI / 12)]);
+    this.line(circle, { ...STYLE.star, dash: used ? [] : [2, 2] }, true);
+    this.context.font = "11px system-ui, sans-serif";
+    if (Number.isFinite(magnitude)) this.text(magnitude.toFixed(1), [x + STAR_PX + 10, y + 4]);
+  }
+
+  cross(point, style, size = 5) {
+    const [x, y] = this.screenAt(point);
+    this.line([[x - size, y], [x + size, y], null, [x, y - size], [x, y + size]], style, true);
+  }
+
+  // How many times the shifts are drawn enlarged, so that most of them fit between their neighbours.
+  flowScale() {
+    const lengths = (this.flow?.vectors ?? []).map(([, , dx, dy]) => Math.hypot(dx, dy)).sort((a, b) => a - b);
+    const long = lengths[Math.floor(0.9 * lengths.length)] || 1, most = ARROW_PX / (long * this.scale);
+    const step = 10 ** Math.floor(Math.log10(most));
+    return Math.max([5, 2, 1].find((each) => each * step <= most) * step, 1);
+  }
+
+  drawFlow() {
+    if (this.flow?.product !== this.page.product) return;
+    const times = this.flowScale(), lines = [];
+    for (const [x, y, dx, dy] of this.flow.vectors) {
+      const [x0, y0] = this.screenAt([x, y]), [x1, y1] = this.screenAt([x + times * dx, y + times * dy]);
+      const long = Math.hypot(x1 - x0, y1 - y0) || 1, [ux, uy] = [(x1 - x0) / long, (y1 - y0) / long], head = Math.min(5, long / 2);
+      lines.push([x0, y0], [x1, y1], null, [x1 - head * (ux + 0.6 * uy), y1 - head * (uy - 0.6 * ux)], [x1, y1], [x1 - head * (ux - 0.6 * uy), y1 - head * (uy + 0.6 * ux)], null);
+    }
+    this.line(lines, STYLE.flow, true);
+    const { median_px: median, share, vectors } = this.flow;
+    const words = vectors.length ? `shifts x ${times}: median ${median.toFixed(3)} px, ${Math.round(100 * share)} % of the markings match` : "no marking matches";
+    this.context.font = "12px system-ui, sans-serif";
+    this.context.textAlign = "left";
+    this.text(words, [8, this.height - 8]);
   }
 
   // The predicted limb moved, scaled and rolled as the help says.

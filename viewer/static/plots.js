@@ -1,5 +1,5 @@
 // A plot of two columns, linked to the table; and the contact sheet.
-import { backend } from "./api.js";
+import { backend, isStatic } from "./api.js";
 
 const MARKS = { ok: ["#2fc18c", "o"], doubtful: ["#e69f00", "+"] }, OTHERS = ["#ff8c66", "x"], EDGE = 54;
 
@@ -112,7 +112,7 @@ export class Sheet {
     const button = document.createElement("button"), image = new Image(104, 104), label = document.createElement("span");
     image.loading = "lazy";
     image.alt = "";
-    if (["ok", "doubtful"].includes(row.status)) image.src = backend.smallPicture(row.product);
+    if (["ok", "doubtful", ...(isStatic ? [] : ["failed"])].includes(row.status)) image.src = backend.smallPicture(row.product);
     label.textContent = `${row.status === "ok" ? "" : `${row.status}: `}${row.product}`;
     label.className = row.status;
     button.append(image, label);

@@ -5,16 +5,25 @@ const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => f
 
 const VALUES = [
   ["camera", "camera"], ["target", "target"], ["time", "utc"], ["pose from", "pose_source"], ["profile", "profile"],
+  ["disk radius, px", "radius_px", 4], ["phase, deg", "phase_deg", 4],
   ["centre, px", "centre_px"], ["offset, px", "offset_px"], ["range factor", "range_factor", 8], ["range, free", "range_factor_free", 6],
   ["roll, deg", "roll_deg"], ["attitude, deg", "attitude_deg", 3], ["PSF sigma, px", "psf_sigma_px", 3],
   ["limb rms, px", "limb_rms_px", 3], ["limb, robust, px", "limb_robust_px", 3], ["limb points", "limb_points"], ["limb disagreeing", "limb_disagreeing", 3],
 ];
+
+// Rows whose place among the images of the same camera is stated where it is high.
+const RANKS = { centre_px: "sigma_px", limb_rms_px: "limb_rms_px", offset_px: "offset_px" };
 
 export function showSide(page, row) {
   const result = page.result ?? {};
   of("product-name").textContent = page.product;
   of("verdict").replaceChildren(marked(row.status ?? result.status ?? "unknown"), row.review ? " " : "", row.review ? marked(row.review) : "");
   of("reason").textContent = row.reason ?? "";
+  showAdvice(page.advice ?? []);
+  showTried(page.tried ?? []);
+  showRun(page.run);
+  of("failed-later").hidden = !page.failed_later;
+  of("failed-later").textContent = page.failed_later ? `The product is older than the latest try, which failed: ${page.failed_later}` : "";
   const rows = VALUES.map(([name, key, digits]) => [name, result[key] ?? row[key], result.uncertainty?.[key], digits, key]).filter(([, value]) => value !== null && value !== undefined);
   if (result.similarity?.after !== undefined && result.similarity?.after !== null) rows.push(["similarity", `${figure(result.similarity.before, 3)} → ${figure(result.similarity.after, 3)}`]);
   if (result.orientation?.markings) rows.push(["orientation", result.orientation.markings]);
@@ -26,7 +35,9 @@ export function showSide(page, row) {
     line.append(head);
     const second = page.other?.[key];
     const differs = second !== undefined && second !== null && String(second) !== String(value) ? `\nother: ${list(second, digits)}` : "";
-    line.insertCell().textContent = list(value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs;
+    const rank = page.ranks?.[RANKS[key]];
+    const place = rank >= 0.9 ? `\n${key === "centre_px" ? "sigma " : ""}larger than ${Math.floor(100 * rank)} % of this camera's` : "";
+    line.insertCell().textContent = list(key === "utc" ? String(value).slice(0, 19).replace("T", " ") : value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs + place;
     return line;
   }));
   of("decisions").replaceChildren(...(page.decisions ?? []).map((decision) => {
@@ -36,6 +47,36 @@ export function showSide(page, row) {
     if (decision.undone) { item.className = "undone"; item.title = `undone ${decision.undone}`; }
     return item;
   }).reverse());
+}
+
+// Meaning and remedy of each code in the reason.
+function showAdvice(advice) {
+  of("advice").hidden = !advice.length;
+  of("advice").querySelector("dl").replaceChildren(...advice.flatMap(({ code, meaning, remedy }) => {
+    const head = document.createElement("dt"), text = document.createElement("dd"), todo = document.createElement("dd");
+    [head.textContent, text.textContent, todo.textContent] = [code, plain(meaning), `To do: ${plain(remedy)}`];
+    return [head, text, todo];
+  }));
+}
+// The texts are Markdown with code and links.
+const plain = (text) => text.replaceAll("`", "").replace(/\[([^\]]+)\]\([^)]*\)/g, "$1");
+
+function showTried(tried) {
+  of("tried").hidden = !tried.length;
+  const best = tried.reduce((found, each) => (!found || each.likeness > found.likeness ? each : found), null);
+  of("tried").querySelector("tbody").replaceChildren(...tried.map((each) => {
+    const line = document.createElement("tr");
+    if (each === best) line.className = "best";
+    line.title = each.fault ?? "";
+    const name = each.tried.replaceAll("-", " ");
+    for (const text of [name, each.likeness?.toFixed(3), each.size?.toFixed(3), each.limb_px?.toFixed(2) ?? "not measured"]) line.insertCell().textContent = text ?? "";
+    return line;
+  }));
+}
+
+function showRun(run) {
+  of("run").hidden = !run?.url;
+  if (run?.url) Object.assign(of("run").querySelector("a"), { href: run.url, textContent: run.name || run.flow_run, title: run.at ?? "" });
 }
 
 function marked(text) {
