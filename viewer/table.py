@@ -11,10 +11,10 @@ import numpy as np
 
 from catalog.errors import WrongOptionError
 from flows.options import BOOKS
-from flows.reprocessing.outcomes import all_outcomes
 from tasks.boundary import PUBLISHED
 from tasks.diagnose.failed_folder import failed_results
 from tasks.guidance.decisions import all_reviews
+from tasks.outcomes import all_outcomes
 from tasks.publish.index import open_index
 from viewer.filters import ALIASES, filtered
 

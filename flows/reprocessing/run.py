@@ -15,7 +15,6 @@ from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.reprocessing.outcomes import Outcome, names_of, read_outcome, write_outcome
 from flows.reprocessing.planners import each_plan
 from flows.reprocessing.planning import Plan
 from flows.reprocessing.tally import Tally, row_of, write_tables
@@ -28,6 +27,7 @@ from tasks.cache import prune, sweep_cache
 from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
+from tasks.outcomes import Outcome, names_of, read_outcome, write_outcome
 from tasks.publish.origin import note_place
 
 logger = logging.getLogger("planetpose")
