@@ -19,7 +19,7 @@ from tasks.publish.index_rows import stamp_of
 
 Status = dict[str, Any]
 SHOWN_RUNS, SHOWN_STEPS = 5, 10
-PLANNED_ALWAYS = 10_000  # images whose plans take some five seconds
+PLANNED_BY_DEFAULT = 10_000  # images whose plans take some five seconds
 
 
 def status_of(store: Path, plan: bool | None = True) -> Status:
@@ -36,7 +36,7 @@ def status_of(store: Path, plan: bool | None = True) -> Status:
         names.discard(outcome.product)
     runs = latest_runs(books)
     if plan is None:
-        plan = found.images <= PLANNED_ALWAYS
+        plan = found.images <= PLANNED_BY_DEFAULT
     return {
         "store": str(store),
         **found.summary(),

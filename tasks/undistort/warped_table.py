@@ -90,7 +90,7 @@ class _Warp:
         """pull (n, 2): the field at the marks."""
         found, size_px = marks.found, marks.raw_size_px
         moved = marks.raw_xy - table.unwarped_xy
-        pull = np.linalg.solve(table.slope, pull[..., None])[..., 0]
+        pull = np.asarray(np.linalg.solve(table.slope, pull[..., None])[..., 0], np.float64)
         sigma = marks.sigma_px.copy()
         for _ in range(ROBUST_ROUNDS):
             both = SmoothSurface(marks.raw_xy, np.hstack([moved, -pull]), sigma, size_px, degree, smoothing)
