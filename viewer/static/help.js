@@ -16,6 +16,9 @@ export class Help {
     this.of("redo").addEventListener("click", () => this.redo().catch(on.fault));
   }
 
+  // The panel's own event comes later than the next click may.
+  toggle() { this.of("help-panel").open = !this.of("help-panel").open; this.toggled(); }
+
   get open() { return this.of("help-panel").open && Boolean(this.picture.page); }
   get painting() { return this.of("paint").ariaPressed === "true"; }
 
@@ -67,8 +70,8 @@ export class Help {
   dragKind([x, y]) {
     if (!this.open) return null;
     if (this.painting) return "paint";
-    const { help, scale } = this.picture, outline = this.picture.helpOutline().filter(Boolean);
-    if (!help || !outline.length) return null;
+    const { help, scale } = this.picture, outline = help ? this.picture.helpOutline().filter(Boolean) : [];
+    if (!outline.length) return null;
     const radius = Math.max(...outline.map((point) => Math.hypot(point[0] - help.x, point[1] - help.y)));
     return Math.hypot(x - help.x, y - help.y) < radius + 12 / scale ? "disk" : null;
   }

@@ -260,7 +260,7 @@ const KEYS = {
   "n": ["note", () => decide("note")], "u": ["undo the latest decision", undo],
   "w": ["worst first", worstFirst], "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
   "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink with the other plane", () => of("blink").click()],
-  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => { of("help-panel").open = !of("help-panel").open; }],
+  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => help.toggle()],
   "0": ["whole frame", () => picture.fit()], "9": ["the disk", () => picture.fitDisk()], "+": ["closer", () => picture.zoom(1.5)], "-": ["farther", () => picture.zoom(1 / 1.5)],
   "?": ["this list", () => of("keys").click()],
 };
