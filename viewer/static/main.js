@@ -246,7 +246,13 @@ of("find").addEventListener("change", guarded(async () => {
 }));
 for (const action of ["accept", "reject", "note"]) of(action).addEventListener("click", guarded(() => decide(action)));
 of("undo").addEventListener("click", guarded(undo));
-async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
+async function undo() {
+  if (!state.product || state.about.read_only) return;
+  const before = state.page.decisions ?? [], answer = await backend.undo(state.product);
+  taken(answer);
+  const undone = answer.decisions.find((each, i) => each.undone && !before[i]?.undone);
+  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product is still the one made with it: Redo makes it without.";
+}
 
 window.addEventListener("hashchange", guarded(async () => {
   const product = decodeURIComponent(location.hash.slice(1));
