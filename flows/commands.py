@@ -247,7 +247,8 @@ def stars(options: StarsOptions, show: Show) -> None:
     from tasks.stars.requests import requests_of
     from tasks.stars.write import stars_of_images
 
-    for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
+    requests = requests_of(options.model_dump(), options.chosen_kernels)
+    for content, good in stars_of_images(requests, options.out, options.solve):
         show(Row(as_text(content), content, good))
 
 

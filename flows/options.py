@@ -84,7 +84,7 @@ class ReprocessOptions(Options):
     )
     fetch: bool = opt(False, description="First get what the list names and is not there.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt(description="Cached steps: folder (default: PLANETPOSE_CACHE) or s3://bucket/prefix.")
+    cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
     cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
     cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 

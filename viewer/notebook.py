@@ -2,6 +2,7 @@
 
 import html
 import threading
+from contextlib import ExitStack
 from pathlib import Path
 from urllib.parse import quote
 
@@ -53,11 +54,10 @@ def view(
     """
     listening = listening_socket("127.0.0.1", 0)
     access = Access("127.0.0.1", listening.getsockname()[1], read_only, framed=True)
-    try:
+    with ExitStack() as on_error:
+        on_error.callback(listening.close)
         made = View(Path(store), access, product, height, Path(compare) if compare else None)
-    except BaseException:
-        listening.close()
-        raise
+        on_error.pop_all()
     run = made._server.run
     threading.Thread(target=run, kwargs={"sockets": [listening]}, daemon=True, name=f"view of {store}").start()
     return made

@@ -94,6 +94,7 @@ def job_of(plan: Plan, options: ReprocessOptions, run: str) -> Job:
         "tries": last.tries if last and last.passing and not plan.changed else 0,
         "cache": str(options.cache) if options.cache and not address_in(options.cache) else None,
         "trace": without_results(plan.trace),
+        "fingerprint": plan.fingerprint,
         "image_timeout_s": options.image_timeout_s,
         "image_memory_mb": options.image_memory_mb,
         "digests": str(options.steps_cache / DIGESTS),
@@ -154,6 +155,7 @@ def outcome_of(job: Job, end: Message) -> Outcome:
     result, steps = end["result"], end["steps"]
     return replace(
         known_beforehand(job, result["status"]),
+        fingerprint=job.get("fingerprint") if result["status"] in PUBLISHED else None,
         peak_mb=max((step["peak_mb"] for step in steps.values() if step.get("peak_mb")), default=None),
         steps=steps,
         **{name: end[name] for name in ("passing", "key", "seconds", "cpu_s")},

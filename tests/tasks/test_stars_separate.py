@@ -163,6 +163,23 @@ def test_planted_offsets_of_camera_and_target_come_back_apart(among_stars: Among
     assert max(found["target_offset_sigma_px"]) < 0.1
 
 
+def test_the_overlay_marks_the_stars_and_the_index_has_the_targets_offset(among_stars: AmongStars) -> None:
+    from PIL import Image
+
+    from tasks.publish.index import open_index
+
+    found = among_stars.result["stars"]
+    known = {(each["x_px"], each["y_px"]) for each in found["matches"]}
+    assert not known & {(each["x_px"], each["y_px"]) for each in found["unidentified"]}
+    with Image.open(among_stars.store / "stars/overlay.png") as picture:
+        drawn = np.asarray(picture.convert("RGB"), int)
+    assert drawn.shape[1] > 1200  # the whole frame beside the target
+    assert (np.abs(drawn - [0x00, 0x9E, 0x73]).max(axis=-1) < 12).sum() > 20 * len(known)
+    row = open_index(among_stars.store).iloc[0]
+    assert row["stars"] == found["stars"]
+    assert [row["target_offset_x_px"], row["target_offset_y_px"]] == pytest.approx(found["target_offset_px"])
+
+
 def test_the_tables_of_astrometry_hold_the_true_direction_and_are_valid(
     among_stars: AmongStars, tmp_path: Path
 ) -> None:
@@ -190,7 +207,9 @@ def test_the_tables_of_astrometry_hold_the_true_direction_and_are_valid(
     for name in ("general", "submit"):
         schema = etree.XMLSchema(etree.parse(str(Path(ades.__file__).parent / f"data/xsd/{name}.xsd")))
         assert schema.validate(document), schema.error_log
-    assert [path.name for path in paths] == ["astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"]
+    tables = ["astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"]
+    assert [path.name for path in paths] == [*tables, "astrometry.png"]
+    assert (tmp_path / "out/astrometry.png").stat().st_size > 10_000
 
 
 def test_images_without_stars_are_left_out_of_astrometry(among_stars: AmongStars, tmp_path: Path) -> None:
