@@ -13,6 +13,7 @@ from flows.options import (
     ControlOptions,
     ExportOptions,
     FetchOptions,
+    ImproveMapOptions,
     KernelsOptions,
     MosaicOptions,
     PhotometryOptions,
@@ -224,6 +225,20 @@ def control(options: ControlOptions, show: Show) -> None:
     paths = write_control(made, options.out)
     paths += write_control_kernels(made, options.out / "kernels") if options.kernels else []
     show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in made.left_out:
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
+def improve_map(options: ImproveMapOptions, show: Show) -> None:
+    """A row with the table of images, then the files; asides for products that were left out. Raises WrongOptionError
+    for an unknown law, frame, feature or resolution."""
+    from tasks.improve.choose import improve_with
+    from tasks.improve.files import improved_report, improved_table, write_improved
+
+    made = improve_with(options.store, options.model_dump(), lambda text: show(Row(text, minor=True, aside=True)))
+    report = improved_report(made)
+    show(Row(improved_table(report), report))
+    show(Row("\n".join(str(path) for path in write_improved(made, options.out))))
     for product, reason in made.left_out:
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 
