@@ -171,7 +171,9 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     calibration, held = options.calibration_percent / 100, held_values(options.hold)
     priors, bounds = prior_values(options.prior), bound_values(options.bound)
     fit = FitSettings(calibration, options.units_per_if, held, priors, bounds, options.bootstrap)
-    settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
+    settings = PhotometrySettings(
+        options.law, selection, options.doubtful, options.albedo_map, options.bands, options.max_pixels, fit
+    )
     regions = read_regions(options.regions, selection) if options.regions else ()
     results = fit_store(options.store, settings, regions)
     paths = write_photometry(results, options.law, options.out)

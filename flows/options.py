@@ -213,6 +213,7 @@ class PhotometryOptions(Options):
         ge=1e-12,
         description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
     )
+    bands: str = opt("none", description="A fit of its own for each: none, filter or camera.")
     albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
     doubtful: bool = opt(False, description="Doubtful images too.")
     bootstrap: int = opt(
