@@ -14,6 +14,7 @@ from flows.options import (
     ControlOptions,
     ExportOptions,
     FetchOptions,
+    ImproveMapOptions,
     KernelsOptions,
     MosaicOptions,
     PhotometryOptions,
@@ -78,6 +79,12 @@ def mosaic(options: MosaicOptions) -> State[None]:
 def control(options: ControlOptions) -> State[None]:
     """Tie images of a store to each other and adjust all their poses."""
     return state_of(commands.control, options)
+
+
+@flow_of(ImproveMapOptions)
+def improve_map(options: ImproveMapOptions) -> State[None]:
+    """Make a base map of a store's images, and correct their orientations against it."""
+    return state_of(commands.improve_map, options)
 
 
 @flow_of(AdjustOptions)

@@ -84,9 +84,7 @@ class ReprocessOptions(Options):
     )
     fetch: bool = opt(False, description="First get what the list names and is not there.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt(
-        description="Cached steps: a folder (default: PLANETPOSE_CACHE), or s3://bucket/prefix."
-    )
+    cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
     cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
     cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 
@@ -215,6 +213,7 @@ class PhotometryOptions(Options):
         ge=1e-12,
         description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
     )
+    bands: str = opt("none", description="A fit of its own for each: none, filter or camera.")
     albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
     doubtful: bool = opt(False, description="Doubtful images too.")
     bootstrap: int = opt(
@@ -275,6 +274,32 @@ class ControlOptions(Options):
     free_radius: bool = opt(False, description="Points may lie above or below the shape.")
     reject_sigma: float = opt(4.0, ge=2, description="Ties further off are left out.")
     kernels: bool = opt(False, description="SPICE kernels of the adjusted poses, too.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+
+
+class ImproveMapOptions(Options):
+    """Make a base map of the images of a store, and correct their orientations against it, in turn."""
+
+    store: OneStore = opt(..., description="A store.")
+    out: Path = opt(Path("improved.tif"), description="GeoTIFF that the base map is written as; the rest beside it.")
+    map: File = opt(description="Base map that the images were corrected with; default: the catalog's.")
+    map_left_edge_deg: float = opt(0.0, ge=-360, le=360, description="East longitude of that map's left edge.")
+    resolution: str = opt("4ppd", description="Pixels per degree (4ppd) or size of a pixel (10km, 500m).")
+    law: str = opt("lunar-lambert", description="Photometric law, as of `planetpose mosaic`.")
+    hold_frame: str = opt("map", description="What holds the frame of all images together: map, rotation or feature.")
+    feature: Annotated[tuple[str, ...], Cli(metavar="NAME:LAT,LON")] = opt(
+        (), description="Its longitude holds the frame; @LAT,LON after it: where the old map shows it. Repeat for more."
+    )
+    rounds: int = opt(5, ge=0, le=50, description="Rounds of mosaic and orientations, at most.")
+    still: float = opt(0.1, gt=0, le=1, description="End when orientations move by less, in their sigmas (median).")
+    points: int = opt(2400, ge=100, le=200_000, description="Places on the body that are tried in every image.")
+    least_correlation: float = opt(0.7, ge=0.3, le=0.99, description="Of a patch that is taken to match the map.")
+    max_incidence_deg: Annotated[float, Cli(("--max-incidence-deg", "--max-incidence"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
+    max_emission_deg: Annotated[float, Cli(("--max-emission-deg", "--max-emission"))] = opt(
+        75.0, ge=1, le=89, description="No pixels with a larger one."
+    )
     doubtful: bool = opt(False, description="Doubtful images too.")
 
 

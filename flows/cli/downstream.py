@@ -13,6 +13,7 @@ from flows.options import (
     ControlOptions,
     ExportOptions,
     FetchOptions,
+    ImproveMapOptions,
     KernelsOptions,
     MosaicOptions,
     Options,
@@ -34,6 +35,7 @@ def register(app: typer.Typer) -> None:
         "adjust": AdjustOptions,
         "control": ControlOptions,
         "export": ExportOptions,
+        "improve-map": ImproveMapOptions,
         "mosaic": MosaicOptions,
         "photometry": PhotometryOptions,
     }
@@ -49,7 +51,7 @@ def register(app: typer.Typer) -> None:
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
     """A command of `flows.commands` that has no other options for the terminal."""
-    answer(command, options, json)
+    answer(command.replace("-", "_"), options, json)
 
 
 def check(options: CheckOptions, json: Json = False, quiet: OnlyFaults = False) -> None:

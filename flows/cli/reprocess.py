@@ -56,14 +56,15 @@ def reprocess(
 def print_plan(options: ReprocessOptions, stream: TextIO, json: bool) -> None:
     """Print what would be done, and why."""
     from flows.cli.output import write_json
-    from flows.reprocessing.planning import plans_in_words
+    from flows.reprocessing.planning import Planned
     from flows.reprocessing.run import planned
 
-    _, plans = planned(options)
-    for plan in plans:
+    found = Planned()
+    for plan in planned(options)[1]:
+        found.add(plan)
         if json:
             write_json(stream, {"product": plan.request.product, "do": plan.do, "why": plan.why})
         elif plan.do:
             print(f"{plan.request.product}: {plan.why}", file=stream)
     if not json:
-        print(plans_in_words(plans), file=stream)
+        print(found.in_words(), file=stream)

@@ -9,10 +9,10 @@ from typing import Any
 
 from catalog.safe_name import TABLE
 from flows.options import ReprocessOptions
-from flows.reprocessing.outcomes import Outcome
 from tasks.atomic import file_put_in_place
 from tasks.boundary import PUBLISHED
 from tasks.objectstore.state import RUNS
+from tasks.outcomes import Outcome
 
 STATUSES = (*PUBLISHED, "refused", "failed")
 COLUMNS = ("product", "status", "reason", "done", "why", "seconds", "peak_mb", "tries", "camera", "target", "utc")

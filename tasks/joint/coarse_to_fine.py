@@ -103,11 +103,10 @@ def estimated(given: Problem, start: State) -> Estimate:
     common += np.outer(by_detector, by_detector)
     # Where a distortion model states its own error, that is in the errors already.
     unmodelled = distortion.bending is None and distortion.smooth_px == 0
-    least_px = settings.displaced_px
-    displacement = displacement_shown(free, least_px) if unmodelled and least_px is not None else None
+    expected_px = settings.displaced_px
+    displacement = displacement_shown(free, expected_px / level.n) if unmodelled and expected_px is not None else None
     if displacement:
-        by_displacement = level.step_up(displacement.moved)
-        common += np.outer(by_displacement, by_displacement)
+        common += level.covariance_up(displacement.covariance)
     common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0

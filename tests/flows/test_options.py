@@ -23,6 +23,7 @@ COMMANDS = (
     "photometry",
     "mosaic",
     "control",
+    "improve-map",
     "adjust",
     "check",
     "stars",
@@ -33,7 +34,7 @@ DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml")
 
 
 def model_of(command: str) -> type[Options]:
-    name = f"{command.capitalize()}Options"
+    name = f"{command.title().replace('-', '')}Options"
     found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
     return found
 
@@ -41,7 +42,8 @@ def model_of(command: str) -> type[Options]:
 def flow_of(command: str) -> Any:
     from flows import correct, downstream, reprocess
 
-    return {"correct": correct.correct, "reprocess": reprocess.reprocess}.get(command) or getattr(downstream, command)
+    named = {"correct": correct.correct, "reprocess": reprocess.reprocess}
+    return named.get(command) or getattr(downstream, command.replace("-", "_"))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -57,7 +59,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
     for name, field in fields.items():
         assert field.description, name
         assert shown[name].get("description") == field.description
-    assert any(entry["entrypoint"].endswith(f":{command}") for entry in DEPLOYMENTS)
+    assert any(entry["entrypoint"].endswith(f":{command.replace('-', '_')}") for entry in DEPLOYMENTS)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
         ("kernels", {"paths": ["a", "s3://bucket/prefix"]}),
         *(
             (command, {"store": "s3://bucket/prefix"})
-            for command in ("report", "photometry", "mosaic", "control", "adjust")
+            for command in ("report", "photometry", "mosaic", "control", "improve-map", "adjust")
         ),
     ],
 )
