@@ -8,8 +8,8 @@ import pytest
 import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
+from flows import map_options, star_options
 from flows import options as models
-from flows import star_options as star_models
 from flows.cli import build_app
 from flows.image_options import Options
 
@@ -35,7 +35,7 @@ DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml")
 
 def model_of(command: str) -> type[Options]:
     name = f"{command.title().replace('-', '')}Options"
-    found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
+    found: type[Options] = next(vars(each)[name] for each in (models, map_options, star_options) if name in vars(each))
     return found
 
 
