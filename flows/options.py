@@ -84,7 +84,7 @@ class ReprocessOptions(Options):
     )
     fetch: bool = opt(False, description="First get what the list names and is not there.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt(description="Cached steps: folder (default: PLANETPOSE_CACHE) or s3://bucket/prefix.")
+    cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
     cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
     cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 
@@ -182,98 +182,6 @@ class KernelsOptions(KernelOptions):
     out: Path = opt(Path("kernels"), description="Folder that the sets are written in, a folder each.")
     per_image: bool = opt(False, description="A set per image instead of one per mission.")
     check: bool = opt(True, description="Compare with plain SPICE in a second process.")
-
-
-class PhotometryOptions(Options):
-    """Fit a phase function to a region's pixels in all images of a store."""
-
-    store: OneStore = opt(..., description="A store, or one product's folder.")
-    law: str = opt(
-        "lunar-lambert",
-        description="lambert, lommel-seeliger, lunar-lambert, mcewen, minnaert, akimov, hapke, hapke-2002, hapke-2012.",
-    )
-    latitude: Limits = opt(LATITUDES, description="South and north limit.")
-    longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
-    regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
-    max_incidence_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
-    max_emission_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
-    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
-        (), description="A parameter that is not solved; repeat for more."
-    )
-    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
-        (), description="What is known of a parameter, with its 1-sigma; repeat for more."
-    )
-    bound: Annotated[tuple[str, ...], Cli(metavar="NAME=LOW:HIGH")] = opt(
-        (), description="Limits of a parameter; repeat for more."
-    )
-    calibration_percent: float = opt(
-        5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
-    )
-    units_per_if: float | None = opt(
-        ge=1e-12,
-        description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
-    )
-    albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
-    doubtful: bool = opt(False, description="Doubtful images too.")
-    bootstrap: int = opt(
-        0, ge=0, description="Uncertainties from that many fits to ground drawn anew; 0: from the covariance."
-    )
-    max_pixels: int = opt(5_000, ge=100, description="Pixels per image; of more every k-th is used.")
-    out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
-
-
-class MosaicOptions(Options):
-    """Combine the images of a store to a map of normalised reflectance with its errors."""
-
-    store: OneStore = opt(..., description="A store.")
-    out: Path = opt(Path("map.zarr"), description="Zarr group that the map is written as.")
-    law: str = opt("hapke", description="Photometric law, as of `planetpose photometry`.")
-    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
-        (), description="A parameter of the law that is not solved; repeat for more."
-    )
-    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
-        (), description="What is known of a parameter; repeat for more."
-    )
-    projection: str = opt("equirectangular", description="equirectangular, orthographic or polar-stereographic.")
-    resolution: str = opt("4ppd", description="Pixels per degree (4ppd) or size of a pixel (10km, 500m).")
-    central_longitude_deg: float | None = opt(description="Middle of an equirectangular map; default 180.")
-    bands: str = opt("none", description="Maps kept apart by: none, filter or camera.")
-    max_incidence_deg: Annotated[float, Cli(("--max-incidence-deg", "--max-incidence"))] = opt(
-        75.0, ge=1, le=89, description="No pixels with a larger one."
-    )
-    max_emission_deg: Annotated[float, Cli(("--max-emission-deg", "--max-emission"))] = opt(
-        75.0, ge=1, le=89, description="No pixels with a larger one."
-    )
-    weights: str = opt("sigma-resolution", description="sigma-resolution, sigma, resolution or equal.")
-    calibration_percent: float | None = opt(
-        ge=0.01, description="1-sigma of the images' calibration against each other; default: unknown."
-    )
-    units_per_if: float | None = opt(ge=1e-12, description="Image units per I/F; default: the map is in image units.")
-    doubtful: bool = opt(False, description="Doubtful images too.")
-    format: Annotated[tuple[str, ...], Cli(("--format", "-f"))] = opt(
-        (), description="Beside the Zarr group: cog, stac; repeat for more."
-    )
-    memory_mb: float = opt(256.0, ge=8, description="For the images' values in one block of the map.")
-    scheduler: Text = opt(description="Address of a Dask scheduler; default: threads of this process.")
-
-
-class ControlOptions(Options):
-    """Tie the images of a store to each other and adjust all their poses together."""
-
-    store: OneStore = opt(..., description="A store.")
-    out: Path = opt(Path("control"), description="Folder for the network, poses, tables and kernels.")
-    points: int = opt(1200, ge=20, le=200_000, description="Places on the body that are tried.")
-    patch_px: int = opt(21, ge=7, le=101, description="Side of a patch, odd; pixels of the coarser image.")
-    search_px: int = opt(4, ge=1, le=40, description="How far matches may lie from where the poses have them.")
-    least_correlation: float = opt(0.8, ge=0.3, le=0.99, description="Of two patches that are taken to match.")
-    law: str = opt("lunar-lambert", description="Photometric law that patches are divided by.")
-    least_attitude_deg: float = opt(
-        0.0, ge=0, description="1-sigma of the bodies' orientations, at least, where products state a smaller one."
-    )
-    free_radius: bool = opt(False, description="Points may lie above or below the shape.")
-    reject_sigma: float = opt(4.0, ge=2, description="Ties further off are left out.")
-    kernels: bool = opt(False, description="SPICE kernels of the adjusted poses, too.")
-    doubtful: bool = opt(False, description="Doubtful images too.")
 
 
 class AdjustOptions(Options):

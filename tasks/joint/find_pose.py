@@ -119,6 +119,7 @@ def as_correction(
         "unknowns": list(NAMES),
         "covariance": estimate.covariance.tolist(),
         "free_covariance": estimate.free_covariance.tolist(),
+        "noise_covariance": estimate.noise.tolist(),
         "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
         "held_by_prior": [u.to_dict() for u in prior_dominated_directions(free.fit, estimate.shown, sigmas, held)],
         "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),

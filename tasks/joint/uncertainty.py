@@ -53,6 +53,21 @@ def _shared_pull(problem: LinearProblem, fit: Fit) -> Array:
     return np.asarray(shrink * scores.T @ scores)
 
 
+def noise_covariance(problem: LinearProblem, fit: Fit, variance: Array) -> Array:
+    """Covariance (8, 8) of the unknowns that move the image by the pixels' noise alone, of `variance` (ny, nx): what
+    another exposure of the same scene would draw anew. Errors of map and laws, which the weights hold too, are not in
+    it."""
+    label, bread = problem.tiles.label, scaled_inverse(fit.normal)
+    used = fit.weight > 0
+    tile, columns = label[used], problem.columns[:, used].astype(np.float64)
+    inside = tile >= 0
+    local = problem.local[:, used][:, inside].astype(np.float64)
+    # What the tiles' own unknowns take up is no pull on the others.
+    columns[:, inside] -= np.einsum("lp,pln->np", local, fit.by_others[tile[inside]])
+    pull = columns * (fit.weight[used] * np.sqrt(variance[used]))
+    return np.asarray(bread @ (pull @ pull.T) @ bread)[-MOVING:, -MOVING:]
+
+
 def _scores(problem: LinearProblem, fit: Fit) -> Array:
     """Each cluster's pull on the unknowns (clusters, n): groups of tiles of the disk, squares of the sky."""
     ny, nx = problem.image.shape
