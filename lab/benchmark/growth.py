@@ -145,15 +145,8 @@ def report_of_many(out: Path, products: int) -> Figures:
     from tasks.report.page import PAGE_ROWS, index_page
     from tasks.report.rows import write_rows
 
-    row: list[Any] = [
-        "P0000000",
-        "P0000000-small.png",
-        None,
-        "ok",
-        "voyager1-issna",
-        "europa",
-        "1979-03-04T05:06:07.123456+00:00",
-    ]
+    row: list[Any] = ["P0000000", "P0000000-small.png", None, "ok", "voyager1-issna", "europa"]
+    row += ["1979-03-04T05:06:07.123456+00:00"]
     row += [12.345678 + number for number in range(len(COLUMNS) + 3 - len(row))]
     out.mkdir()
     with processor_seconds() as spent:
