@@ -21,6 +21,8 @@ from tasks.fields import Json
 from tasks.objectstore.state import IMAGES, TRACES, push_files
 from tasks.publish.origin import OTHER_IMAGE, place_of_image
 
+BLOCK_BYTES = 1 << 14  # an outcome has some 1000
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -101,6 +103,19 @@ def _read(path: Path) -> Outcome | None:
         return None
 
 
+def _content_of(path: str) -> bytes:
+    """Of a file that was seen to be a regular one."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        content = block = os.read(descriptor, BLOCK_BYTES)
+        while len(block) == BLOCK_BYTES:
+            block = os.read(descriptor, BLOCK_BYTES)
+            content += block
+        return content
+    finally:
+        os.close(descriptor)
+
+
 def _outcome_in(content: bytes) -> Outcome | None:
     try:
         return Outcome(**own_json(content))
@@ -143,8 +158,7 @@ def all_outcomes(books: Path) -> Iterator[Outcome]:
         return
     for path in sorted(file.path for file in files if file.name.endswith(".json")):
         try:
-            with open(path, "rb", buffering=0) as file:  # seen to be a regular one
-                outcome = _outcome_in(file.read())
+            outcome = _outcome_in(_content_of(path))
         except OSError:
             continue
         if outcome is not None:
