@@ -20,7 +20,7 @@ def status(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     plan: Annotated[
         bool | None,
-        typer.Option("--plan/--no-plan", help="Look what is out of date. Default: in a store of at most 10 000 images."),
+        typer.Option("--plan/--no-plan", help="Look what is out of date; default: up to 10 000 images."),
     ] = None,
 ) -> None:
     """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
