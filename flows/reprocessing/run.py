@@ -15,7 +15,7 @@ from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
 from catalog.spice import KernelLists
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.reprocessing.outcomes import Outcome, names_of, read_outcome
+from flows.reprocessing.outcomes import Outcome, namesake, read_outcome
 from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.tally import Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
@@ -61,13 +61,15 @@ class Run:
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
         lost on the way."""
-        books, url, image = self.options.books, place_of(self.options.store).publish_to, self.images[product]
-        for name in names_of(product, image):
-            pull_files(url, books, [f"{IMAGES}/{name}"])
-            outcome = read_outcome(books, product, image)
-            if outcome and (outcome.run == self.name or outcome.at >= self.began):
-                return outcome
-        return None
+        outcome = read_outcome(self.options.books, product, self.images[product])
+        return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
+
+    def pull(self, products: list[str]) -> None:
+        """Read what other machines remember of products that have ended, where the store is an object store."""
+        url = place_of(self.options.store).publish_to
+        pull_files(url, self.options.books, [f"{IMAGES}/{product}.json" for product in products])
+        lost = [product for product in products if url and self.outcome_of_this_run(product) is None]
+        pull_files(url, self.options.books, [f"{IMAGES}/{namesake(each, self.images[each])}" for each in lost])
 
     @cached_property
     def images(self) -> dict[str, Path | str]:
