@@ -82,6 +82,7 @@ def measure_costs(images: int, tell: Callable[[str], None]) -> dict[str, Any]:
         tell(f"first {WARM_UP} images: {measured(on, ('--only', f'small-0000[0-{WARM_UP - 1}]'))}")
         few = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]"))
         new = measured(on)
+        measured(on)  # reads what was remembered of the new ones
         few_again, unchanged = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]")), measured(on)
         return {
             "images": large,
