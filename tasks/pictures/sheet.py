@@ -4,7 +4,6 @@ A report draws two of them for every image of a store. Matplotlib takes 2.5 s of
 its layout and text; figures that are drawn once per store are still made by it.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -22,6 +21,7 @@ TEXT_PX, SMALL_PX, HEAD_PX = 13, 11, 16
 LEFT_PX, TOP_PX, BELOW_PX, RIGHT_PX, HEADING_PX = 46, 26, 26, 14, 30
 BAR_PX, BAR_GAP_PX, BAR_TEXT_PX, ARROW_PX = 11, 9, 46, 9
 MOST_TICKS = 5
+LINE_POINTS = 0.7
 BLACK, GREY, WHITE = (0, 0, 0), (110, 110, 110), (255, 255, 255)
 COMPRESSION = 4  # of PNG: a sixth larger than at 9 and three times as quick
 
@@ -95,18 +95,22 @@ class Sheet:
         self._image.save(path, format="PNG", compress_level=COMPRESSION)
 
     def _axes(self, box: tuple[int, int, int, int], extent: Extent) -> None:
+        from tasks.publish.drawing import ticks
+
         x0, y0, x1, y1 = box
-        for value in ticks(extent[0], extent[1]):
+        for value in ticks(extent[0], extent[1], MOST_TICKS):
             x = x0 + (value - extent[0]) / (extent[1] - extent[0]) * (x1 - x0)
             self._draw.line((x, y1, x, y1 + 4), fill=BLACK)
             self._draw.text((x, y1 + 6), f"{value:g}", fill=BLACK, font=font(SMALL_PX), anchor="mt")
-        for value in ticks(extent[3], extent[2]):
+        for value in ticks(extent[3], extent[2], MOST_TICKS):
             y = y0 + (value - extent[3]) / (extent[2] - extent[3]) * (y1 - y0)
             self._draw.line((x0 - 5, y, x0 - 1, y), fill=BLACK)
             self._draw.text((x0 - 7, y), f"{value:g}", fill=BLACK, font=font(SMALL_PX), anchor="rm")
 
     def _bar(self, box: tuple[int, int, int, int], bar: Bar) -> None:
         from PIL import Image
+
+        from tasks.publish.drawing import ticks
 
         x0, x1 = box[2] + BAR_GAP_PX, box[2] + BAR_GAP_PX + BAR_PX
         y0, y1 = box[1] + ARROW_PX, box[3] - ARROW_PX
@@ -123,7 +127,7 @@ class Sheet:
                 corners = [(x0, y), ((x0 + x1) / 2, tip), (x1, y)]
                 self._draw.polygon(corners, fill=tuple(map(int, colour)), outline=BLACK)
         self._draw.polygon(outline, outline=BLACK)
-        for value in ticks(bar.low, bar.high):
+        for value in ticks(bar.low, bar.high, MOST_TICKS):
             place = y1 - (value - bar.low) / (bar.high - bar.low) * (y1 - y0)
             self._draw.line((x1, place, x1 + 3, place), fill=BLACK)
             self._draw.text((x1 + 5, place), f"{value:g}", fill=BLACK, font=font(SMALL_PX), anchor="lm")
@@ -149,29 +153,15 @@ def coloured(values: NDArray[Any], bar: Bar, unknown: Colour = WHITE) -> Pixels:
 def with_curves(pixels: Pixels, size: tuple[int, int], extent: Extent, curves: Sequence[Curve]) -> Pixels:
     """The pixels enlarged or reduced to `size` (width, height), with lines of frame pixels over them."""
     import cv2
-    from PIL import ImageColor
+
+    from tasks.publish.drawing import draw_line
 
     drawn = cv2.resize(np.ascontiguousarray(pixels), size, interpolation=cv2.INTER_NEAREST)
     scale = np.array([size[0] / (extent[1] - extent[0]), size[1] / (extent[2] - extent[3])])
     for curve in curves:
-        places = ((curve.xy - (extent[0], extent[3])) * scale - 0.5) * 16  # OpenCV's sixteenths of a pixel
-        known = np.isfinite(places).all(axis=1)
-        points = np.clip(np.where(known[:, None], places, 0), -1e6, 1e6).round().astype(np.int32)
-        runs = [points[i : i + 2] for i in range(0, len(points) - 1, 1) if known[i : i + 2].all()]
-        shown = [run for place, run in enumerate(runs) if not curve.dashed or place // 4 % 2 == 0]
-        cv2.polylines(drawn, shown, False, ImageColor.getrgb(curve.colour)[:3], 1, cv2.LINE_AA, 4)
+        style = {"color": curve.colour, "linewidth": LINE_POINTS, "linestyle": "--" if curve.dashed else "-"}
+        draw_line(drawn, (curve.xy - (extent[0], extent[3])) * scale - 0.5, style)
     return np.asarray(drawn)
-
-
-def ticks(low: float, high: float) -> list[float]:
-    """Round numbers within the limits, at most MOST_TICKS, in steps of 1, 2 or 5."""
-    span = high - low
-    if not (math.isfinite(span) and span > 0):
-        return []
-    power = 10.0 ** math.floor(math.log10(span / MOST_TICKS))
-    step = next(step for step in (power, 2 * power, 5 * power, 10 * power, 20 * power) if span / step < MOST_TICKS)
-    first = math.ceil(low / step - 1e-9)
-    return [float(f"{number * step:.12g}") for number in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
 @cache

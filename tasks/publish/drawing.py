@@ -184,12 +184,15 @@ def pattern(linestyle: Any, linewidth: float) -> tuple[float, ...]:
     return tuple(float(v) * linewidth * DPI / 72 for v in lengths)
 
 
-def ticks(low: float, high: float) -> NDArray[np.float64]:
-    """At most MOST_TICKS round numbers between low and high."""
-    least = (high - low) / MOST_TICKS
+def ticks(low: float, high: float, most: int = MOST_TICKS) -> list[float]:
+    """Round numbers between low and high in steps of 1, 2 or 5, about `most`; none where that is no interval."""
+    least = (high - low) / most
+    if not (np.isfinite(least) and least > 0):
+        return []
     decade = 10.0 ** np.floor(np.log10(least))
-    step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= least)
-    return np.arange(np.ceil(low / step), np.floor(high / step) + 1) * step + 0.0  # no -0
+    step = next(k * decade for k in (1, 2, 5, 10) if k * decade >= least * 0.999)
+    first, last = np.ceil(low / step - 1e-9), np.floor(high / step + 1e-9)
+    return [float(f"{number * step:.12g}") for number in np.arange(first, last + 1) + 0.0]
 
 
 def pixels(points: float) -> int:
