@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
-    ControlOptions,
     ExportOptions,
     FetchOptions,
-    ImproveMapOptions,
     KernelsOptions,
-    MosaicOptions,
     PhotometryOptions,
     ReportOptions,
     processors,

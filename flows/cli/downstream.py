@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
-    ControlOptions,
     ExportOptions,
     FetchOptions,
-    ImproveMapOptions,
     KernelsOptions,
-    MosaicOptions,
     Options,
     PhotometryOptions,
     ReportOptions,

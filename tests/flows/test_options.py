@@ -8,8 +8,7 @@ import pytest
 import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
-from flows import options as models
-from flows import star_options as star_models
+from flows import map_options, options, star_options
 from flows.cli import build_app
 from flows.image_options import Options
 
@@ -35,7 +34,9 @@ DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml")
 
 def model_of(command: str) -> type[Options]:
     name = f"{command.title().replace('-', '')}Options"
-    found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
+    found: type[Options] = next(
+        getattr(module, name) for module in (options, map_options, star_options) if hasattr(module, name)
+    )
     return found
 
 
