@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
-    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    MosaicOptions,
-    PhotometryOptions,
     ReportOptions,
     processors,
 )
@@ -170,7 +168,9 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     calibration, held = options.calibration_percent / 100, held_values(options.hold)
     priors, bounds = prior_values(options.prior), bound_values(options.bound)
     fit = FitSettings(calibration, options.units_per_if, held, priors, bounds, options.bootstrap)
-    settings = PhotometrySettings(options.law, selection, options.doubtful, options.albedo_map, options.max_pixels, fit)
+    settings = PhotometrySettings(
+        options.law, selection, options.doubtful, options.albedo_map, options.bands, options.max_pixels, fit
+    )
     regions = read_regions(options.regions, selection) if options.regions else ()
     results = fit_store(options.store, settings, regions)
     paths = write_photometry(results, options.law, options.out)
@@ -224,6 +224,20 @@ def control(options: ControlOptions, show: Show) -> None:
     paths = write_control(made, options.out)
     paths += write_control_kernels(made, options.out / "kernels") if options.kernels else []
     show(Row("\n".join(str(path) for path in paths)))
+    for product, reason in made.left_out:
+        show(Row(f"{product}: left out: {reason}", good=False, aside=True))
+
+
+def improve_map(options: ImproveMapOptions, show: Show) -> None:
+    """A row with the table of images, then the files; asides for products that were left out. Raises WrongOptionError
+    for an unknown law, frame, feature or resolution."""
+    from tasks.improve.choose import improve_with
+    from tasks.improve.files import improved_report, improved_table, write_improved
+
+    made = improve_with(options.store, options.model_dump(), lambda text: show(Row(text, minor=True, aside=True)))
+    report = improved_report(made)
+    show(Row(improved_table(report), report))
+    show(Row("\n".join(str(path) for path in write_improved(made, options.out))))
     for product, reason in made.left_out:
         show(Row(f"{product}: left out: {reason}", good=False, aside=True))
 

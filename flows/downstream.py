@@ -8,15 +8,13 @@ from prefect.states import Completed, Failed, State
 from flows import commands
 from flows.commands import Row, Show
 from flows.flow import O, flow_of
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
-    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    MosaicOptions,
-    PhotometryOptions,
     ReportOptions,
 )
 from flows.star_options import AstrometryOptions, StarsOptions
@@ -78,6 +76,12 @@ def mosaic(options: MosaicOptions) -> State[None]:
 def control(options: ControlOptions) -> State[None]:
     """Tie images of a store to each other and adjust all their poses."""
     return state_of(commands.control, options)
+
+
+@flow_of(ImproveMapOptions)
+def improve_map(options: ImproveMapOptions) -> State[None]:
+    """Make a base map of a store's images, and correct their orientations against it."""
+    return state_of(commands.improve_map, options)
 
 
 @flow_of(AdjustOptions)

@@ -14,7 +14,8 @@ O = TypeVar("O", bound=Options)  # noqa: E741 - options
 
 
 def flow_of(model: type[O]) -> Callable[[Callable[[O], State[Any]]], Flow[..., State[Any]]]:
-    """A decorator that makes a flow of a function of the options: its name is the function's, its parameters are the
+    """A decorator that makes a flow of a function of the options: its name is the command's (the function's,
+    with dashes), its parameters are the
     fields of `model`, with their types, bounds, defaults and descriptions."""
 
     def decorate(body: Callable[[O], State[Any]]) -> Flow[..., State[Any]]:
@@ -36,6 +37,6 @@ def flow_of(model: type[O]) -> Callable[[Callable[[O], State[Any]]], Flow[..., S
         # Prefect's page has the descriptions of parameters from here.
         described = "".join(f"\n    {name}: {field.description}" for name, field in fields if field.description)
         run.__doc__ = f"{inspect.getdoc(body)}\n\nArgs:{described}"
-        return flow(name=body.__name__, description=inspect.getdoc(body), persist_result=False)(run)
+        return flow(name=body.__name__.replace("_", "-"), description=inspect.getdoc(body), persist_result=False)(run)
 
     return decorate

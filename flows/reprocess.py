@@ -25,14 +25,14 @@ from flows.flow import flow_of
 from flows.options import ReprocessOptions
 from flows.progress import audience, logger
 from flows.reprocessing.image_task import image_task, job_of
-from flows.reprocessing.outcomes import Outcome, all_outcomes
 from flows.reprocessing.planning import Planned
 from flows.reprocessing.pool import pool
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
-from flows.reprocessing.tally import STATUSES, in_words
 from flows.runners import task_runner
 from local_server.prefect_settings import server_is_lost
 from tasks.boundary import PUBLISHED
+from tasks.outcomes import Outcome, all_outcomes
+from tasks.run_tally import STATUSES, in_words
 
 TOO_MANY_FAILED = "TooManyFailed"
 LOST = "outcome-lost: its process was lost, or what it came to could not be written into the store. Run it again."

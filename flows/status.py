@@ -9,13 +9,13 @@ from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_files import own_json
 from catalog.plain_text import printable
 from flows.options import BOOKS, ReprocessOptions
-from flows.reprocessing.outcomes import all_outcomes
 from flows.reprocessing.planning import Planned
 from flows.reprocessing.run import planned
-from flows.reprocessing.tally import RUNS, STATUSES
 from tasks.outcome_counts import OutcomeCounts
+from tasks.outcomes import all_outcomes
 from tasks.publish.index import product_folders
 from tasks.publish.index_rows import stamp_of
+from tasks.run_tally import RUNS, STATUSES
 
 Status = dict[str, Any]
 SHOWN_RUNS, SHOWN_STEPS = 5, 10

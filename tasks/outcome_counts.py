@@ -8,12 +8,13 @@ from statistics import median
 from typing import Any
 
 from tasks.boundary import PUBLISHED
+from tasks.outcomes import Outcome
 
 SLOWEST = 5
 
 
 class OutcomeCounts:
-    """What a store's outcomes (`flows.reprocessing.outcomes`) come to; its
+    """What a store's outcomes come to; its
     size does not grow with their number, but for the seconds of steps. statuses: those that are counted."""
 
     def __init__(self, statuses: Sequence[str]) -> None:
@@ -25,7 +26,7 @@ class OutcomeCounts:
         self.slowest: list[tuple[float, str, float | None]] = []
         self.steps: dict[str, StepTimes] = defaultdict(StepTimes)
 
-    def add(self, outcome: Any, has_folder: bool) -> None:
+    def add(self, outcome: Outcome, has_folder: bool) -> None:
         """Count an image."""
         self.images += 1
         self.may_pass += outcome.passing

@@ -11,10 +11,10 @@ import numpy as np
 
 from catalog.errors import WrongOptionError
 from flows.options import BOOKS
-from flows.reprocessing.outcomes import all_outcomes
 from tasks.boundary import PUBLISHED
 from tasks.diagnose.failed_folder import failed_results
 from tasks.guidance.decisions import all_reviews
+from tasks.outcomes import all_outcomes
 from tasks.publish.index import open_index
 from viewer.filters import ALIASES, filtered
 
@@ -112,10 +112,7 @@ class Table:
             chosen = order[max(first, 0) : max(first, 0) + min(max(count, 0), LARGEST_PAGE)]
             counts = self.table["status"].iloc[order].value_counts()
             by_status = {str(name): int(number) for name, number in counts.items() if number}
-            rows = plain_rows(self.table.iloc[chosen])
-            for row, series in zip(rows, self._neighbours.of(chosen), strict=True):
-                row["neighbours"] = series
-            return Page(rows, len(order), len(self.table), by_status)
+            return Page(self._rows(chosen), len(order), len(self.table), by_status)
 
     def place_in(self, product: str, text: str = "", sort: str = "", down: bool = False) -> int | None:
         """Position of a product among those that fit; None where it does not."""
@@ -127,7 +124,13 @@ class Table:
         """The row of a product; None for another name."""
         with self._lock:
             place = self.places.get(product)
-            return None if place is None else plain_rows(self.table.iloc[[place]])[0]
+            return None if place is None else self._rows(np.array([place]))[0]
+
+    def _rows(self, places: Any) -> list[dict[str, Any]]:
+        rows = plain_rows(self.table.iloc[places])
+        for row, series in zip(rows, self._neighbours.of(places), strict=True):
+            row["neighbours"] = series
+        return rows
 
     def ranks(self, product: str) -> dict[str, float]:
         """Of some columns the share of the images of the same camera whose value is smaller than the product's; only

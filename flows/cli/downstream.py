@@ -7,16 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
-    ControlOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    MosaicOptions,
     Options,
-    PhotometryOptions,
     ReportOptions,
 )
 from flows.star_options import AstrometryOptions, StarsOptions
@@ -34,6 +32,7 @@ def register(app: typer.Typer) -> None:
         "adjust": AdjustOptions,
         "control": ControlOptions,
         "export": ExportOptions,
+        "improve-map": ImproveMapOptions,
         "mosaic": MosaicOptions,
         "photometry": PhotometryOptions,
     }
@@ -49,7 +48,7 @@ def register(app: typer.Typer) -> None:
 
 def answer_with_json(command: str, options: Options, json: Json = False) -> None:
     """A command of `flows.commands` that has no other options for the terminal."""
-    answer(command, options, json)
+    answer(command.replace("-", "_"), options, json)
 
 
 def check(options: CheckOptions, json: Json = False, quiet: OnlyFaults = False) -> None:

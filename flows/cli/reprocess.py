@@ -26,10 +26,10 @@ def reprocess(
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.progress import json_reporter, reporter
-    from flows.reprocessing.tally import in_words
     from flows.run import run_reprocess
     from local_server.prefect_settings import server_choice
     from tasks.objectstore.places import usable_place_of
+    from tasks.run_tally import in_words
 
     with wrong_usage("--store"):
         usable_place_of(options.store)

@@ -15,7 +15,7 @@ from catalog.made_camera import is_made
 from catalog.plugins import GROUPS, plugins_of
 from catalog.pose import IN_IMAGE
 from catalog.spice import KernelLists, kernel_inputs
-from flows.inputs import verdict_version
+from flows import inputs
 from flows.request import Request
 from tasks.code_version import code_version, data_version
 from tasks.registry import STEPS
@@ -83,5 +83,5 @@ def named_files(request: Request) -> Iterator[Path]:
 
 def program_digest() -> str:
     """Of the code of all steps, and of the data that comes with it."""
-    code = [verdict_version(), code_version("flows.trace"), *(step.code for step in STEPS)]
+    code = [inputs.verdict_version(), code_version("flows.trace"), *(step.code for step in STEPS)]
     return sha256_of_json([code, data_version()])

@@ -22,7 +22,6 @@ from catalog.times import now_utc
 from flows.flow_run import current_run
 from flows.options import BOOKS, ReprocessOptions, processors
 from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
-from flows.reprocessing.outcomes import Outcome, write_outcome
 from flows.reprocessing.planning import Plan
 from flows.reprocessing.pool import LostError, Message, Pool, pool
 from flows.reprocessing.worker import DIGESTS, sweep_claims
@@ -32,6 +31,7 @@ from tasks.boundary import PUBLISHED
 from tasks.fields import Json
 from tasks.guidance.prefect_run import note_run
 from tasks.objectstore.places import place_of
+from tasks.outcomes import Outcome, write_outcome
 
 Job = dict[str, Any]
 

@@ -13,12 +13,12 @@ from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError
 from flows.options import ReprocessOptions
 from flows.reprocessing.fingerprint import Fingerprints
-from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace
 from flows.request import Request
 from flows.trace import changes, known_chain, trace_of
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
 from tasks.objectstore.publishing import origin_at, product_fault_at
+from tasks.outcomes import Outcome, read_outcome, read_trace
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
 from tasks.publish.origin import OTHER_IMAGE, refuse_other_image
 from tasks.record import read_record

@@ -15,10 +15,8 @@ from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.reprocessing.outcomes import Outcome, names_of, read_outcome, write_outcome
 from flows.reprocessing.planners import each_plan
 from flows.reprocessing.planning import Plan
-from flows.reprocessing.tally import Tally, row_of, write_tables
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.request import Request
 from flows.requests import each_request, fetch_missing, listed, requests_of_list
@@ -28,7 +26,9 @@ from tasks.cache import prune, sweep_cache
 from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
+from tasks.outcomes import Outcome, names_of, read_outcome, write_outcome
 from tasks.publish.origin import note_place
+from tasks.run_tally import Tally, row_of, write_tables
 
 logger = logging.getLogger("planetpose")
 
@@ -176,7 +176,7 @@ def finish(run: Run) -> dict[str, Any]:
         "parameters": parameters_of(options),
     }
     try:
-        summary["table"] = str(write_tables(options, run.name, summary, rows_of(run)))
+        summary["table"] = str(write_tables(options.folder, options.books, run.name, summary, rows_of(run)))
         tables = [f"{RUNS}/{run.name}{end}" for end in (".csv", ".json")]
         push_files(place_of(options.store).publish_to, options.books, tables)
     except (OSError, FailedError) as error:

@@ -9,7 +9,7 @@ from lab.closeup.command import closeup
 from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
-from lab.maps.command import control, mosaic
+from lab.maps.command import control, improve_map, mosaic
 from lab.rehearsal.command import deploy, throughput
 from lab.scale.command import scale
 from lab.stars.command import stars
@@ -30,6 +30,7 @@ def register(app: typer.Typer) -> None:
     group.command()(closeup)
     group.command()(mosaic)
     group.command()(control)
+    group.command("improve-map")(improve_map)
     group.command()(faults)
     group.command()(reprocess)
     group.command()(deploy)

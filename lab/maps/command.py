@@ -1,4 +1,4 @@
-"""planetpose benchmark mosaic, planetpose benchmark control"""
+"""planetpose benchmark mosaic, control and improve-map"""
 
 from pathlib import Path
 from typing import Annotated
@@ -77,3 +77,27 @@ def control(
             for name, row in figures.items():
                 print(f"{name}: " + ", ".join(f"{key} {value:.4g}" for key, value in row.items()), file=answer)
     raise typer.Exit(1 if figures["network"]["false_rejected"] < 0.95 else 0)
+
+
+def improve_map(
+    archive: Annotated[Path, typer.Argument(help="Folder that `planetpose simulate` wrote.", show_default=False)],
+    store: Annotated[Path, typer.Argument(help="Store of its images, corrected.", show_default=False)],
+    resolution: Annotated[str, typer.Option(help="Of the map, as `planetpose improve-map` takes it.")] = "3ppd",
+    rounds: Annotated[int, typer.Option(min=1, help="At most.")] = 5,
+    json: Json = False,
+) -> None:
+    """Errors of orientations before and after `planetpose improve-map`, of a simulated archive whose images show
+    another map than the catalog's. The store: `planetpose evaluate ARCHIVE --out REPORT` leaves it in
+    REPORT/products/joint."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.maps.improved import measured_improvement
+    from tasks.improve.settings import ImproveSettings
+    from tasks.mosaic.settings import MosaicSettings
+
+    mosaic_settings = MosaicSettings(law="lunar-lambert", resolution=resolution, doubtful=True)
+    with clean_stdout() as answer:
+        figures = dict(measured_improvement(archive, store, ImproveSettings(mosaic=mosaic_settings, rounds=rounds)))
+        if json:
+            write_json(answer, figures)
+        else:
+            print(", ".join(f"{key} {value:.4g}" for key, value in figures.items()), file=answer)

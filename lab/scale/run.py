@@ -24,7 +24,7 @@ LEASE_S = "20"
 AWAY_S = 30.0
 TROUBLES = ("worker", "worker", "scheduler", "command", "s3")
 PAUSE_S = (0.0, 6.0)  # from the publication of a product to the next trouble
-WARM_UP = 2
+WARM_UP, FEW = 2, 4
 RUN_TIMEOUT_S, STUCK_S = 3600.0, 300.0
 STORE, CACHE = f"s3://{BUCKET}/store", f"s3://{BUCKET}/cache"
 
@@ -73,19 +73,23 @@ def site(images: int, workers: int) -> Iterator[Site]:
 
 
 def measure_costs(images: int, tell: Callable[[str], None]) -> dict[str, Any]:
-    """Requests, bytes and processor seconds per image: of images that are new, and of the same unchanged. The first two
-    start the worker's processes and Prefect's server, and are left out."""
-    with site(images + WARM_UP, 1) as on:
-        tell(f"first {WARM_UP} images: {measured(on, ('--only', 'small-0000[01]'))}")
-        new, unchanged = measured(on), measured(on)
-        found = {
-            "images": images,
-            "new": per_image(new, images),
-            "unchanged": per_image(unchanged, images + WARM_UP),
+    """Requests, bytes and processor seconds per image: of one more image that is new, and of one that is unchanged.
+
+    The first images start the worker's processes and Prefect's server and are left out. A run of the command costs
+    something by itself: what one more image costs is the difference of two runs by the difference of their images.
+    """
+    small, large = FEW, WARM_UP + FEW + images
+    with site(large, 1) as on:
+        tell(f"first {WARM_UP} images: {measured(on, ('--only', f'small-0000[0-{WARM_UP - 1}]'))}")
+        few = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]"))
+        new = measured(on)
+        few_again, unchanged = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]")), measured(on)
+        return {
+            "images": large,
+            "new": per_image(new, few, images - small),
+            "unchanged": per_image(unchanged, few_again, large - WARM_UP - small),
             **state_of(on),
         }
-    tell(f"per new image {found['new']}")
-    return found
 
 
 def measured(on: Site, more: tuple[str, ...] = ()) -> dict[str, float]:
@@ -100,6 +104,7 @@ def measured(on: Site, more: tuple[str, ...] = ()) -> dict[str, float]:
     found = {name: b - a for name, a, b in zip(("bytes", "worker_s", "command_s"), before, after, strict=True)}
     kinds = on.s3.requests()
     summary = json.loads(command.log.read_text().splitlines()[-1])
+    found["objects"] = kinds.places["PUT store"]
     return {**found, "image_s": summary["cpu_s"], **{f"{name} requests": n for name, n in kinds.to_dict().items()}}
 
 
@@ -127,9 +132,9 @@ def stop_server(place: Path) -> None:
             psutil.Process(pid).kill()
 
 
-def per_image(found: dict[str, float], images: int) -> dict[str, float]:
-    """The same by image."""
-    return {name: round(value / images, 3) for name, value in found.items()}
+def per_image(more: dict[str, float], fewer: dict[str, float], images: int) -> dict[str, float]:
+    """What a run that had to do with so many images more did more, by image."""
+    return {name: round((value - fewer.get(name, 0.0)) / images, 3) for name, value in more.items()}
 
 
 def state_of(on: Site) -> dict[str, Any]:
@@ -154,7 +159,7 @@ def disturb(images: int, troubles: int, seed: int, tell: Callable[[str], None]) 
         while True:
             time.sleep(0.5)
             on.cluster.tend()
-            published += on.s3.requests().records
+            published += noted(on, tell)
             if command.process.poll() is not None or time.monotonic() - since > STUCK_S:
                 command.lose()
                 if len(published) >= images and command.process.returncode == 0:
@@ -165,13 +170,21 @@ def disturb(images: int, troubles: int, seed: int, tell: Callable[[str], None]) 
                 next_s = time.monotonic() + draw.uniform(*PAUSE_S)
             if sum(counts.values()) < troubles and time.monotonic() > next_s:
                 trouble = TROUBLES[sum(counts.values()) % len(TROUBLES)]
-                tell(f"{len(published)} published: {trouble} is lost")
+                tell(f"{time.strftime('%H:%M:%S')} {len(published)} published: {trouble} is lost")
                 cause(on, trouble, command, draw)
                 counts[trouble] += 1
                 seen, next_s = len(published), math.inf
-        published += on.s3.requests().records
+        published += noted(on, tell)
         found = {"images": images, "troubles": dict(counts), "begun_again": begun, **state_of(on)}
     return found | {"published_twice": sum(n > 1 for n in published.values())}
+
+
+def noted(on: Site, tell: Callable[[str], None]) -> Counter[str]:
+    """How often the record of each product was written since the last look."""
+    found = on.s3.requests()
+    for write in found.writes:
+        tell(write)
+    return found.records
 
 
 def cause(on: Site, trouble: str, command: Session, draw: random.Random) -> None:

@@ -44,13 +44,6 @@ class Ties:
 
 
 @dataclass(frozen=True)
-class _Sights:
-    """What images see of places (images, places): resolution in km, NaN where a place is not lit, seen, or within."""
-
-    resolution_km: Array
-
-
-@dataclass(frozen=True)
 class _Matched:
     """Fields of `Ties`; place (n,): number of the place that was tried."""
 
@@ -71,13 +64,13 @@ def find_ties(views: Sequence[View], settings: ControlSettings) -> Ties:
     """Match patches around evenly spread places: in each, every image with the one that shows it best. Poses need to be
     right within `search_px` pixels of the coarser image."""
     places = places_on(views[0].target, settings.points)
-    sights = _sights(views, places, settings)
-    enough = np.isfinite(sights.resolution_km).sum(axis=0) >= 2
-    with np.errstate(invalid="ignore"):
-        best = np.nanargmin(np.where(np.isfinite(sights.resolution_km), sights.resolution_km, 1e12), axis=0)
+    resolution = places_seen(views, places, settings)
+    enough = np.isfinite(resolution).sum(axis=0) >= 2
+    best = np.argmin(np.where(np.isfinite(resolution), resolution, np.inf), axis=0)
+    chosen = {int(reference): np.flatnonzero(enough & (best == reference)) for reference in np.unique(best[enough])}
     found = [
-        _of_pair(views, int(reference), other, np.flatnonzero(enough & (best == reference)), places, sights, settings)
-        for reference in np.unique(best[enough])
+        _of_pair(views, reference, other, mine, places, resolution, settings)
+        for reference, mine in chosen.items()
         for other in range(len(views))
         if other != reference
     ]
@@ -86,7 +79,9 @@ def find_ties(views: Sequence[View], settings: ControlSettings) -> Ties:
     return _with_references(views, places, best, _Matched(*(_joined(found, name) for name in names)))
 
 
-def _sights(views: Sequence[View], places: Places, settings: ControlSettings) -> _Sights:
+def places_seen(views: Sequence[View], places: Places, settings: ControlSettings) -> Array:
+    """How images see places (images, places): size of a pixel on the ground, km, NaN where a place is not lit, seen, or
+    within the frame and the limits of the angles."""
     resolution = np.full((len(views), len(places.points)), np.nan)
     ground = Ground(places.points, np.cross(places.east, places.north))
     for row, view in zip(resolution, views, strict=True):
@@ -98,20 +93,20 @@ def _sights(views: Sequence[View], places: Places, settings: ControlSettings) ->
             )
             shown &= (xy > 0).all(axis=-1) & (xy < np.array(view.image.shape[::-1]) - 1).all(axis=-1)
         row[shown] = seen.resolution_km[shown]
-    return _Sights(resolution)
+    return resolution
 
 
 def _of_pair(
-    views: Sequence[View], reference: int, other: int, chosen: NDArray[np.intp], places: Places, sights: _Sights,
+    views: Sequence[View], reference: int, other: int, chosen: NDArray[np.intp], places: Places, resolution: Array,
     settings: ControlSettings,
 ) -> _Matched:  # fmt: skip
     """The matches of one image with another."""
-    fine, coarse = sights.resolution_km[reference, chosen], sights.resolution_km[other, chosen]
+    fine, coarse = resolution[reference, chosen], resolution[other, chosen]
     with np.errstate(invalid="ignore"):
         chosen = chosen[np.isfinite(coarse) & (coarse < settings.most_ratio * fine)]
     if not len(chosen):
         return _NONE
-    step = sights.resolution_km[other, chosen]
+    step = resolution[other, chosen]
     law, side, margin = find_law(settings.law), settings.patch_px, settings.search_px
     first, whole = patches_of(views[reference], places.part(chosen), step, side, law)
     second, wider = patches_of(views[other], places.part(chosen), step, side + 2 * margin, law)
@@ -128,7 +123,7 @@ def _of_pair(
     view = views[other]
     size = step[:, None] * np.array([1.0, -1.0])  # rows go down, north goes up
     xy = pixels_of_points(view.pose, view.camera, at.moved(view.target, matches.shift[good] * size))
-    covariance = _in_pixels(view, at, size, matches.covariance[good])
+    covariance = pixel_covariances(view, at, size, matches.covariance[good])
     ground_km2 = 4 * np.pi * view.target.mean_radius_km**2 / settings.points
     shared = np.maximum((side * step) ** 2 / ground_km2, 1.0)
     image = np.full(len(chosen), other, np.intp)
@@ -139,7 +134,7 @@ def _joined(found: Sequence[_Matched], name: str) -> NDArray:
     return np.concatenate([getattr(part, name) for part in found])
 
 
-def _in_pixels(view: View, at: Places, size_km: Array, covariance: Array) -> Array:
+def pixel_covariances(view: View, at: Places, size_km: Array, covariance: Array) -> Array:
     """Covariances (k, 2, 2) of shifts on the ground as those of pixels, with what resampling adds."""
     middle = pixels_of_points(view.pose, view.camera, at.points)
     jacobian = np.empty((len(at.points), 2, 2))

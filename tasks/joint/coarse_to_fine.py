@@ -104,9 +104,9 @@ def estimated(given: Problem, start: State) -> Estimate:
     # Where a distortion model states its own error, that is in the errors already.
     unmodelled = distortion.bending is None and distortion.smooth_px == 0
     expected_px = settings.displaced_px
-    displacement = displacement_shown(free, expected_px / level.n) if unmodelled and expected_px is not None else None
+    displacement = displacement_shown(free, level, expected_px) if unmodelled and expected_px is not None else None
     if displacement:
-        common += level.covariance_up(displacement.covariance)
+        common += displacement.covariance
     common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0

@@ -17,6 +17,7 @@ from tasks.joint.contradiction import size_of
 from tasks.joint.gauss_newton import Solution
 from tasks.joint.normal_equations import scaled_inverse, solve_linear
 from tasks.joint.parameters import NAMES, OFFSET
+from tasks.joint.pyramid import Level
 from tasks.joint.uncertainty import sampling_covariance
 
 Array = NDArray[np.float64]
@@ -29,13 +30,13 @@ HELD = 1e8
 
 @dataclass(frozen=True)
 class Displacement:
-    """size_px: 1-sigma of each term of the displacement, in the solution's pixels at the limb; 0 where there is no more
-    than chance gives. found_px: the terms that were found (SEEN,); noise_px: 1-sigma of what noise and map make of
-    them. response: (8, UNSEEN + SEEN) what the solution moves by under a pixel of each term."""
+    """In pixels of the image, at the limb. size_px: 1-sigma of each term of the displacement; 0 where there is no more
+    than chance gives. found_px: the terms that were found (SEEN,); noise: (SEEN, SEEN) covariance of what noise and map
+    make of them. response: (8, UNSEEN + SEEN) what the solution moves by under a pixel of each term."""
 
     size_px: float
     found_px: Array
-    noise_px: Array
+    noise: Array
     response: Array
 
     @property
@@ -45,7 +46,8 @@ class Displacement:
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""
-        return {"size_px": self.size_px, "found_px": self.found_px.tolist(), "noise_px": self.noise_px.tolist()}
+        noise_px = np.sqrt(np.diag(self.noise))
+        return {"size_px": self.size_px, "found_px": self.found_px.tolist(), "noise_px": noise_px.tolist()}
 
 
 def terms(x: Array, y: Array) -> list[tuple[Array, Array]]:
@@ -57,17 +59,18 @@ def terms(x: Array, y: Array) -> list[tuple[Array, Array]]:
     return [*linear, *((each, none) for each in second), *((none, each) for each in second)]
 
 
-def displacement_shown(solution: Solution, expected_px: float) -> Displacement:
-    """The displacement by the solution's last linear problem, all its unknowns solved along. expected_px: 1-sigma of
-    each of its terms before the fit."""
+def displacement_shown(solution: Solution, level: Level, expected_px: float) -> Displacement:
+    """The displacement by the last linear problem of the solution at a level, all its unknowns solved along.
+    expected_px: 1-sigma of each of its terms before the fit, pixels of the image."""
     model, problem, limits = solution.model, solution.problem, solution.given.thresholds
     y, x = np.indices(model.window.shape, dtype=np.float64)
     x, y = ((place - centre) / model.tiles.radius_px for place, centre in zip((x, y), model.centre_px, strict=True))
     per_x, per_y = problem.columns[-len(NAMES) :][OFFSET]
     if not (per_x.any() and per_y.any()):
-        none = np.zeros(SEEN)
-        return Displacement(0.0, none, none, np.zeros((len(NAMES), UNSEEN + SEEN)))
-    columns = np.stack([per_x * u + per_y * v for u, v in terms(x, y)]).astype(np.float32)
+        none = np.zeros((len(NAMES), UNSEEN + SEEN))
+        return Displacement(0.0, np.zeros(SEEN), np.eye(SEEN) * expected_px**2, none)
+    # Per pixel of the image.
+    columns = np.stack([per_x * u + per_y * v for u, v in terms(x, y)]).astype(np.float32) / np.float32(level.n)
     prior = np.full(UNSEEN + SEEN, expected_px**-2)
     prior[:UNSEEN] *= HELD
     wider = problem.extended(columns, prior)
@@ -75,12 +78,12 @@ def displacement_shown(solution: Solution, expected_px: float) -> Displacement:
     count, seen = len(prior), slice(UNSEEN, UNSEEN + SEEN)
 
     # What the image's errors make of the terms, and what share of them passes through their prior.
-    noise = np.diag(sampling_covariance(wider, fit))[seen]
+    noise = sampling_covariance(wider, fit)[seen, seen]
     passed = np.eye(SEEN) - scaled_inverse(fit.normal)[seen, seen] / expected_px**2
     size_px = size_of(
-        fit.values[seen], noise, np.diag(passed @ passed.T), expected_px, limits.contradiction.chance_size
+        fit.values[seen], np.diag(noise), np.diag(passed @ passed.T), expected_px, limits.contradiction.chance_size
     )
     cross = scaled_inverse(fit.normal[count:, count:]) @ fit.information[count:, :count]
-    response = cross[-len(NAMES) :]
+    response = level.step_up(np.ones(len(NAMES)))[:, None] * cross[-len(NAMES) :]
     response[solution.held] = 0
-    return Displacement(size_px, fit.values[seen], np.sqrt(noise), response)
+    return Displacement(size_px, fit.values[seen], noise, response)

@@ -148,6 +148,9 @@ class ContradictionThresholds(BaseModel):
     chance_size: float = _threshold(
         2.0, "A displacement whose terms exceed their noise by fewer sigmas is chance. Choice."
     )
+    chance_shape: float = _threshold(
+        0.003, "Probability that a body without markings that show it is doubted by its shape alone. Choice."
+    )
     linearity_laws: float = _threshold(
         0.03,
         "What laws that do not fit feign of the power of the detector's signal, 1-sigma: 0.054 at most on 18 simulated "

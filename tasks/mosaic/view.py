@@ -115,9 +115,9 @@ def view_of(source: Source) -> View:
     provenance: dict[str, Any] = json.loads(source.attributes["provenance"])
     return View(
         product=source.product,
-        image=level[window],
-        steep=gradient(level, known)[window],
-        usable=(known & _near(usable))[window],
+        image=level[window].copy(),  # the whole frames would stay in memory behind their windows
+        steep=gradient(level, known)[window].copy(),
+        usable=(known & _near(usable))[window].copy(),
         corner_px=(int(x0), int(y0)),
         noise=float(np.median(errors.noise)),
         still_px=still,

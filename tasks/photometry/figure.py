@@ -1,4 +1,4 @@
-"""One region's photometry: brightness by phase, residuals by angle, McEwen's limb weight by image."""
+"""One region's photometry: brightness by phase, residuals by angle and place, McEwen's limb weight by image."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -20,12 +20,15 @@ BINS = 12
 def photometry_figure(
     name: str, pixels: RegionPixels, fit: PhotometricFit, each: Sequence[ImageLimbWeight]
 ) -> "Figure":
-    """Four panels: brightness of image and law by phase; residuals by incidence and by emission; L of each image."""
-    figure, panels = canvas(2, 2, (4.6, 3.3))
+    """Six panels: brightness of image and law by phase; residuals by incidence, emission and phase; their map; L of
+    each image."""
+    figure, panels = canvas(2, 3, (4.6, 3.3))
     _brightness(panels[0], pixels, fit)
     for panel, label, cosine in ((panels[1], "incidence", pixels.mu0), (panels[2], "emission", pixels.mu)):
         _residuals(panel, np.degrees(np.arccos(np.clip(cosine, -1, 1))), fit, label)
-    _limb_weights(panels[3], pixels, fit, each)
+    _residuals(panels[3], pixels.phase_deg, fit, "phase")
+    _residual_map(panels[4], pixels, fit)
+    _limb_weights(panels[5], pixels, fit, each)
     count = len(pixels.products)
     figure.suptitle(
         f"{name}: {fit.law}, {count} image{'s' if count > 1 else ''}, {len(pixels.value)} pixels", fontsize=11
@@ -69,6 +72,24 @@ def _residuals(panel: "Axes", angle_deg: np.ndarray, fit: PhotometricFit, label:
     panel.set_xlabel(f"{label}, deg")
     panel.set_ylabel("image minus law, %")
     panel.legend(fontsize=8, framealpha=0.9)
+    bare(panel)
+
+
+def _residual_map(panel: "Axes", pixels: RegionPixels, fit: PhotometricFit) -> None:
+    """Mean residual over the images, by place: what of the ground no law explains, markings first of all."""
+    if pixels.latitude is None or pixels.longitude is None:
+        panel.set_axis_off()
+        return
+    percent = 100 * fit.residual
+    reach = max(float(np.percentile(np.abs(percent), 95)), 1.0)
+    middle = float(np.degrees(np.angle(np.exp(1j * np.radians(pixels.longitude)).mean())))
+    east = (pixels.longitude - middle + 180) % 360 - 180 + middle  # a region through longitude 0 stays in one piece
+    cells = panel.hexbin(
+        east, pixels.latitude, C=percent, gridsize=45, cmap="RdBu_r", vmin=-reach, vmax=reach, linewidths=0.1
+    )
+    panel.figure.colorbar(cells, ax=panel, label="image minus law, %")
+    panel.set_xlabel("east longitude, deg")
+    panel.set_ylabel("latitude, deg")
     bare(panel)
 
 

@@ -37,7 +37,8 @@ class RegionPixels:
     """n pixels of one region. products: names of the images that see it. image (n,): which of them; value: brightness
     above the sky's; mu0, mu: cosines of incidence and emission; phase_deg; albedo: relative, of the base map, or 1;
     tile: the patch of ground, counted over all images. seen: pixels per image before they were thinned out. noise (n,):
-    1-sigma of the brightness by noise and pose, None where nobody knows it."""
+    1-sigma of the brightness by noise and pose, None where nobody knows it. latitude, longitude (n,): planetocentric,
+    east, degrees; None where nobody needs them."""
 
     products: tuple[str, ...]
     image: NDArray[np.intp]
@@ -49,6 +50,8 @@ class RegionPixels:
     tile: NDArray[np.intp]
     seen: tuple[int, ...]
     noise: Array | None = None
+    latitude: Array | None = None
+    longitude: Array | None = None
 
     def mean_phase_deg(self, image: int) -> float:
         """Mean phase of one image's pixels."""
@@ -169,6 +172,8 @@ def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: 
         "albedo": albedo,
         "tile": _tiles(latitude, longitude, tile_deg),
         "noise": _noise_at(source, table),
+        "latitude": latitude,
+        "longitude": longitude,
     }
 
 

@@ -15,20 +15,26 @@ from tasks.photometry.each_image import ImageLimbWeight
 from tasks.photometry.fit import FitSettings, PhotometricFit
 from tasks.photometry.region import RegionPixels
 
+BANDS = ("none", "filter", "camera")
 REGION_COLUMNS = ("region", "south", "north", "west", "east")
 
 
 @dataclass(frozen=True)
 class PhotometrySettings:
     """law: name. selection: region and limits of the angles. doubtful: doubtful images too. albedo_map: divide the
-    products' base map out. fit: see there."""
+    products' base map out. bands: one of BANDS, what images are fitted apart by. fit: see there."""
 
     law: str = "lunar-lambert"
     selection: Selection = field(default_factory=lambda: Selection(max_incidence_deg=75.0, max_emission_deg=75.0))
     doubtful: bool = False
     albedo_map: bool = False
+    bands: str = "none"
     max_pixels_per_image: int = 5_000
     fit: FitSettings = field(default_factory=FitSettings)
+
+    def __post_init__(self) -> None:
+        if self.bands not in BANDS:
+            raise WrongOptionError("bands", f"there is no {self.bands}.", f"Known are {', '.join(BANDS)}.")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from catalog.errors import PlanetposeError
+from catalog.plain_files import own_json
 from catalog.plain_text import printable
 from tasks.boundary import reason_of, trouble_of
 from tasks.export.pixels import Selection
@@ -14,8 +15,11 @@ from tasks.photometry.fit import fit_law
 from tasks.photometry.laws import PhotometricLaw, find_law
 from tasks.photometry.region import OneImage, region_pixels, unreadable_products, usable_products
 from tasks.photometry.regions import PhotometrySettings, RegionResult
+from tasks.publish.contained import reading_product
+from tasks.publish.cube import open_cube
+from tasks.publish.names import CUBE
 
-WHOLE = "region"
+WHOLE, UNKNOWN = "region", "unknown"
 
 
 def fit_store(
@@ -26,9 +30,31 @@ def fit_store(
     law = find_law(settings.law)
     folders, broken = usable_products(store, settings.doubtful), unreadable_products(store)
     fitted = [
-        _fit_region(name, chosen, law, folders, settings) for name, chosen in regions or [(WHOLE, settings.selection)]
+        _fit_region(f"{name} ({band})" if band else name, chosen, law, members, settings)
+        for name, chosen in regions or [(WHOLE, settings.selection)]
+        for band, members in by_band(folders, settings.bands).items()
     ]
     return [replace(result, left_out=(*broken, *result.left_out)) for result in fitted]
+
+
+def by_band(folders: Sequence[Path], bands: str) -> dict[str, list[Path]]:
+    """The products by filter or camera, as their cubes name it (`unknown` where one does not); all under an empty name
+    for `none`."""
+    found: dict[str, list[Path]] = {}
+    for folder in folders:
+        found.setdefault("" if bands == "none" else _band_of(folder, bands), []).append(folder)
+    return dict(sorted(found.items()))
+
+
+def _band_of(folder: Path, bands: str) -> str:
+    try:
+        with reading_product(folder), open_cube(folder / CUBE) as cube:
+            attributes = dict(cube.attrs)
+            if bands == "camera":
+                return str(attributes.get("camera") or UNKNOWN)
+            return str((own_json(attributes["provenance"]).get("image") or {}).get("filter") or UNKNOWN)
+    except (PlanetposeError, KeyError, ValueError):
+        return UNKNOWN  # the fit says why it cannot be read
 
 
 def _fit_region(

@@ -75,9 +75,10 @@ def stamps_of_parts(store: Path) -> dict[str, str] | None:
     pairs: list[tuple[str, str]] = []
     try:
         for path in part_paths(store):
-            if tuple(parquet.read_schema(path).names) != NAMES:
-                return None
-            part = parquet.read_table(path, columns=["product", "stamp"])
+            with parquet.ParquetFile(path) as file:  # `read_table` imports pandas
+                if tuple(file.schema_arrow.names) != NAMES:
+                    return None
+                part = file.read(columns=["product", "stamp"])
             pairs += zip(part["product"].to_pylist(), part["stamp"].to_pylist(), strict=True)
     except (OSError, ValueError, ArrowException):
         return None

@@ -189,7 +189,7 @@ def test_one_at_a_time_holds_a_lease_and_a_dead_holders_is_taken_over(
 
 
 def test_what_one_machine_remembers_another_one_finds(url: str, tmp_path: Path) -> None:
-    from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace, write_outcome
+    from tasks.outcomes import Outcome, read_outcome, read_trace, write_outcome
 
     here, there = tmp_path / "here", tmp_path / "there"
     outcome = Outcome("one", "s3://b/one.img", "ok", None, "run", "now")

@@ -8,8 +8,8 @@ import pytest
 import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
+from flows import map_options, star_options
 from flows import options as models
-from flows import star_options as star_models
 from flows.cli import build_app
 from flows.image_options import Options
 
@@ -23,6 +23,7 @@ COMMANDS = (
     "photometry",
     "mosaic",
     "control",
+    "improve-map",
     "adjust",
     "check",
     "stars",
@@ -33,15 +34,16 @@ DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml")
 
 
 def model_of(command: str) -> type[Options]:
-    name = f"{command.capitalize()}Options"
-    found: type[Options] = getattr(models if hasattr(models, name) else star_models, name)
+    name = f"{command.title().replace('-', '')}Options"
+    found: type[Options] = next(vars(each)[name] for each in (models, map_options, star_options) if name in vars(each))
     return found
 
 
 def flow_of(command: str) -> Any:
     from flows import correct, downstream, reprocess
 
-    return {"correct": correct.correct, "reprocess": reprocess.reprocess}.get(command) or getattr(downstream, command)
+    named = {"correct": correct.correct, "reprocess": reprocess.reprocess}
+    return named.get(command) or getattr(downstream, command.replace("-", "_"))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -57,7 +59,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
     for name, field in fields.items():
         assert field.description, name
         assert shown[name].get("description") == field.description
-    assert any(entry["entrypoint"].endswith(f":{command}") for entry in DEPLOYMENTS)
+    assert any(entry["entrypoint"].endswith(f":{command.replace('-', '_')}") for entry in DEPLOYMENTS)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +75,7 @@ def test_options_of_the_command_line_and_parameters_of_the_flow_are_the_models(c
         ("kernels", {"paths": ["a", "s3://bucket/prefix"]}),
         *(
             (command, {"store": "s3://bucket/prefix"})
-            for command in ("report", "photometry", "mosaic", "control", "adjust")
+            for command in ("report", "photometry", "mosaic", "control", "improve-map", "adjust")
         ),
     ],
 )

@@ -19,7 +19,6 @@ from flows.inputs import image_inputs
 from flows.options import ReprocessOptions
 from flows.progress import Silent
 from flows.reprocessing.image_task import without_results
-from flows.reprocessing.outcomes import read_outcome, read_trace, write_outcome
 from flows.reprocessing.planning import TRIES, plans_in_words
 from flows.reprocessing.run import begin, planned, sweep
 from flows.request import Request
@@ -29,6 +28,7 @@ from tasks import step as step_module
 from tasks.cache import prune
 from tasks.changes import inputs_changed, kernels_changed, leaves_changed
 from tasks.guidance.prefect_run import noted_run
+from tasks.outcomes import read_outcome, read_trace, write_outcome
 from tasks.record import RECORD_FILE
 
 

@@ -27,6 +27,7 @@ NUMERICS = {
     "contradiction.py": {"MOST"},
     "linearity.py": {"FREE"},
     "beam_bending.py": {"FREE"},
+    "shape.py": {"SHEAR"},
     "displaced_markings.py": {"UNSEEN", "SEEN", "HELD"},
     "variance_model.py": {"BISECTIONS", "MEDIAN_CHI2"},
     "uncertainty.py": {"INDEPENDENT_LIMBS"},

@@ -18,12 +18,14 @@ from lxml import etree
 import planetpose
 from catalog.camera import Camera, find_camera
 from catalog.celestial import orientation_of_twist
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.spice import kernel_pool
 from catalog.stars.table import ra_dec_deg
 from catalog.target import find_target
+from flows.prediction import refuse_company
+from flows.request import Request
 from lab.stars.separation import Planted, write_separation_scene
 from tasks.astrometry.ades import perm_id
 from tasks.astrometry.observation import ARCSEC
@@ -229,3 +231,14 @@ def test_images_without_stars_are_left_out_of_astrometry(among_stars: AmongStars
 )
 def test_bodies_have_the_designations_of_the_minor_planet_center(naif_id: int, name: str | None) -> None:
     assert perm_id(naif_id) == name
+
+
+@pytest.mark.parametrize(("option", "more"), [("stars", {"stars": "gaia"}), ("body", {"body": ("io",)})])
+def test_stars_and_bodies_are_refused_with_a_pose_found_in_the_image(
+    tmp_path: Path, option: str, more: dict[str, Any]
+) -> None:
+    request = Request(image=tmp_path / "a.img", store=tmp_path, product="a", pose_file=Path("image"), **more)
+    with pytest.raises(WrongOptionError, match=f"--{option} needs a predicted pose") as refused:
+        refuse_company(request)
+    assert refused.value.option == option
+    refuse_company(request.model_copy(update={"stars": None, "body": ("none",)}))

@@ -240,7 +240,7 @@ def test_files_for_a_web_server_hold_the_same(store: Path, tmp_path: Path) -> No
 
 def test_images_without_a_product_are_in_the_table(store: Path, tmp_path: Path) -> None:
     from flows.options import BOOKS
-    from flows.reprocessing.outcomes import Outcome, write_outcome
+    from tasks.outcomes import Outcome, write_outcome
 
     publish(small_publication("C0001"), tmp_path)
     for name, status in (("C0001", "ok"), ("C0007", "refused")):

@@ -1,7 +1,7 @@
 // The panel at the side: verdict, values with sigmas, decisions.
 const of = (id) => document.getElementById(id);
 const figure = (value, digits = 5) => typeof value === "number" ? String(Number(value.toPrecision(digits))) : String(value);
-const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => figure(each, digits)).join(", ")})` : figure(value, digits);
+export const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => figure(each, digits)).join(", ")})` : figure(value, digits);
 
 const VALUES = [
   ["camera", "camera"], ["target", "target"], ["time", "utc"], ["pose from", "pose_source"], ["profile", "profile"],

@@ -53,6 +53,27 @@ def test_one_region_gives_json_tables_and_a_figure(lunar_lambert_store, tmp_path
     assert (tmp_path / "region.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_images_of_each_filter_or_camera_are_fitted_apart(lunar_lambert_store, tmp_path, capture) -> None:
+    store = tmp_path / "store"
+    shutil.copytree(lunar_lambert_store, store)
+    changed = store / "PHASE_040.0" / "cube.zarr" / "zarr.json"
+    content = json.loads(changed.read_text())
+    provenance = json.loads(content["attributes"]["provenance"])
+    provenance["image"]["filter"] = "GREEN"
+    content["attributes"]["provenance"] = json.dumps(provenance)
+    changed.write_text(json.dumps(content))
+    command = ["photometry", str(store), *SELECTED, "--law", "lambert", "--json", "--out", str(tmp_path / "out")]
+    done = RUN.invoke(build_app(), [*command, "--bands", "filter"])
+    fits = {region["region"]: region for region in map(json.loads, done.stdout.splitlines())}
+    assert len(fits) == 2
+    assert [each["product"] for each in fits["region (GREEN)"]["images"]] == ["PHASE_040.0"]
+    assert all(
+        each["product"] != "PHASE_040.0" for name in fits.keys() - {"region (GREEN)"} for each in fits[name]["images"]
+    )
+    assert len(list((tmp_path / "out").glob("*.png"))) == 2
+    assert RUN.invoke(build_app(), [*command, "--bands", "colour"]).exit_code == 2
+
+
 def test_regions_of_a_file_are_fitted_one_by_one_and_an_unseen_one_says_so(
     lunar_lambert_store, tmp_path, capture
 ) -> None:

@@ -1,0 +1,1 @@
+"""A base map made from a store's images, and the images' orientations against it, in turn."""
