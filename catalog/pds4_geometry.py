@@ -11,7 +11,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from catalog.celestial import orientation_of_twist
 from catalog.detached import label_beside
@@ -19,6 +18,7 @@ from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.pose import PartialPose
 from catalog.readers.pds4 import parsed_xml
+from catalog.rotation import rotation_from_vector_deg
 
 if TYPE_CHECKING:
     from catalog.camera import Camera
@@ -134,7 +134,7 @@ def _from_axis_to(ray: Vector) -> Vector:
     sine = float(np.linalg.norm(axis))
     if sine == 0.0:
         return np.eye(3)
-    return np.asarray(Rotation.from_rotvec(axis / sine * math.atan2(sine, float(ray[2]))).as_matrix())
+    return rotation_from_vector_deg(axis / sine * math.degrees(math.atan2(sine, float(ray[2]))))
 
 
 def _number(element: Element, name: str, units: dict[str, float] | None = None) -> float | None:

@@ -106,8 +106,9 @@ def work_through(run: Run) -> None:
 
 def note(run: Run, ended: "SimpleQueue[str]") -> None:
     """Count and report the images that have ended."""
-    while not ended.empty():
-        product = ended.get()
+    products = [ended.get() for _ in range(ended.qsize())]
+    run.pull(products)
+    for product in products:
         outcome = run.outcome_of_this_run(product)
         run.tally.add(outcome, done=True)
         status, reason = (outcome.status, outcome.reason) if outcome else ("failed", LOST)

@@ -76,11 +76,6 @@ def namesake(product: str, image: Path | str) -> str:
     return f"{product}~{hashlib.sha256(os.fsencode(place_of_image(image))).hexdigest()[:12]}.json"
 
 
-def names_of(product: str, image: Path | str) -> tuple[str, str]:
-    """Names of the files that the outcome of an image may be in."""
-    return f"{product}.json", namesake(product, image)
-
-
 def read_outcome(books: Path, product: str, image: Path | str) -> Outcome | None:
     """The outcome of a product, or of that image of its name which was refused; None when there is none, or it is
     damaged or of another version."""

@@ -27,9 +27,12 @@ def status(
     from flows.cli.output import clean_stdout, write_json
     from flows.status import PLANNED_BY_DEFAULT, out_of_date, status_of
     from tasks.objectstore.places import place_of
+    from tasks.objectstore.state import STATE, pull_state
 
     with clean_stdout() as answer:
-        found = status_of(place_of(store).store, plan if json else False)
+        place = place_of(store)
+        pull_state(place.publish_to, place.store / STATE)
+        found = status_of(place.store, plan if json else False)
         if json:
             write_json(answer, found)
             return

@@ -3,6 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -65,6 +66,9 @@ def plan_of(
             return Plan(request, True, "changed: image", "", last=last)
         with standing_in(*absent):
             return plan_by_steps(request, options, last, kernels)
+    if request.addresses:
+        with suppress(PlanetposeError):  # its own steps will say so
+            request.addresses.have_others(request.image)
     fingerprint = fingerprints.of(request) if fingerprints is not None else None
     same = last is not None and last.status in PUBLISHED and fingerprint == last.fingerprint is not None
     if last is not None and same and other_reason(request, options, last) is None:

@@ -26,7 +26,7 @@ from tasks.cache import prune, sweep_cache
 from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
-from tasks.outcomes import Outcome, names_of, read_outcome, write_outcome
+from tasks.outcomes import Outcome, namesake, read_outcome, write_outcome
 from tasks.publish.origin import note_place
 from tasks.run_tally import Tally, row_of, write_tables
 
@@ -71,13 +71,15 @@ class Run:
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
         lost on the way."""
-        books, url, image = self.options.books, place_of(self.options.store).publish_to, self.images[product]
-        for name in names_of(product, image):
-            pull_files(url, books, [f"{IMAGES}/{name}"])
-            outcome = read_outcome(books, product, image)
-            if outcome and (outcome.run == self.name or outcome.at >= self.began):
-                return outcome
-        return None
+        outcome = read_outcome(self.options.books, product, self.images[product])
+        return outcome if outcome and (outcome.run == self.name or outcome.at >= self.began) else None
+
+    def pull(self, products: list[str]) -> None:
+        """Read what other machines remember of products that have ended, where the store is an object store."""
+        url = place_of(self.options.store).publish_to
+        pull_files(url, self.options.books, [f"{IMAGES}/{product}.json" for product in products])
+        lost = [product for product in products if url and self.outcome_of_this_run(product) is None]
+        pull_files(url, self.options.books, [f"{IMAGES}/{namesake(each, self.images[each])}" for each in lost])
 
     @cached_property
     def images(self) -> dict[str, Path | str]:

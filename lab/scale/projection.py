@@ -9,6 +9,9 @@ WRITES = ("PUT", "LIST", "POST")
 # "Roughly 100-200 milliseconds" for small objects (Amazon S3 User Guide, performance design patterns).
 LATENCY_S = 0.15
 AT_ONCE = 16  # objects of a product that are written together
+# What handing out one image costs the command: 2 000 images, docs/accuracy.md (`planetpose benchmark reprocess`). A run
+# of some tens of images, as for the other figures, does not show it.
+COMMAND_S = 0.04
 
 
 def projected(costs: Mapping[str, Any], machines: int, processors: int, image_s: float | None) -> dict[str, float]:
@@ -25,7 +28,7 @@ def projected(costs: Mapping[str, Any], machines: int, processors: int, image_s:
     objects = new["objects"]
     one_by_one = sum(requests.values()) - objects + objects / AT_ONCE
     worker_s = own_s + overhead_s + one_by_one * LATENCY_S
-    by_workers, by_command = machines * processors * 3600 / worker_s, 3600 / new["command_s"]
+    by_workers, by_command = machines * processors * 3600 / worker_s, 3600 / COMMAND_S
     price = sum(n * (WRITE_PRICE if name in WRITES else READ_PRICE) for name, n in requests.items())
     return {
         "machines": machines,

@@ -3,7 +3,6 @@
 import json
 import math
 import random
-import resource
 import tempfile
 import time
 from collections import Counter
@@ -16,7 +15,7 @@ from typing import Any
 import psutil
 
 from lab.rehearsal.processes import RehearsalError, Session
-from lab.scale.cluster import Cluster, processor_s_of, reprocess
+from lab.scale.cluster import Cluster, reprocess
 from lab.scale.s3 import BUCKET, S3Server
 from lab.simulate.small_archive import LIST, PROFILE_FILE, write_small_archive
 
@@ -83,6 +82,7 @@ def measure_costs(images: int, tell: Callable[[str], None]) -> dict[str, Any]:
         tell(f"first {WARM_UP} images: {measured(on, ('--only', f'small-0000[0-{WARM_UP - 1}]'))}")
         few = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]"))
         new = measured(on)
+        measured(on)  # reads what was remembered of the new ones
         few_again, unchanged = measured(on, ("--only", f"small-0000[0-{WARM_UP + small - 1}]")), measured(on)
         return {
             "images": large,
@@ -93,26 +93,19 @@ def measure_costs(images: int, tell: Callable[[str], None]) -> dict[str, Any]:
 
 
 def measured(on: Site, more: tuple[str, ...] = ()) -> dict[str, float]:
-    """One run of the command: what it asked of S3, bytes between it and S3, processor seconds of worker and command
-    with Prefect's server, and of what images take of them."""
+    """One run of the command: what it asked of S3, bytes between it and S3, processor seconds of the
+    worker, and of the images among them."""
     on.s3.requests()
-    before = (on.s3.relay.bytes, *processor_s(on))
+    before = (on.s3.relay.bytes, on.cluster.processor_s())
     command = on.start(more)
     if command.process.wait(RUN_TIMEOUT_S):
         raise RehearsalError(command.log.read_text()[-3000:])
-    after = (on.s3.relay.bytes, *processor_s(on))
-    found = {name: b - a for name, a, b in zip(("bytes", "worker_s", "command_s"), before, after, strict=True)}
+    after = (on.s3.relay.bytes, on.cluster.processor_s())
+    found: dict[str, float] = {name: b - a for name, a, b in zip(("bytes", "worker_s"), before, after, strict=True)}
     kinds = on.s3.requests()
     summary = json.loads(command.log.read_text().splitlines()[-1])
     found["objects"] = kinds.places["PUT store"]
     return {**found, "image_s": summary["cpu_s"], **{f"{name} requests": n for name, n in kinds.to_dict().items()}}
-
-
-def processor_s(on: Site) -> tuple[float, float]:
-    """Processor seconds of the workers so far, and of the commands with Prefect's server."""
-    mine = resource.getrusage(resource.RUSAGE_CHILDREN)
-    server = sum(processor_s_of(pid) for pid in servers_of(on.folder / "command"))
-    return on.cluster.processor_s(), mine.ru_utime + mine.ru_stime + server
 
 
 def servers_of(place: Path) -> list[int]:

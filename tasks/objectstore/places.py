@@ -35,7 +35,7 @@ class Place:
 
 def place_of(store: str | Path) -> Place:
     """The place that `--store` names. For a URL products are first made in a local store of the user's state folder
-    (PLANETPOSE_STATE), which has to last: it is what later runs compare with."""
+    (PLANETPOSE_STATE)."""
     text = str(store)
     if not is_url(text):
         return Place(Path(store))

@@ -46,9 +46,8 @@ def pull_files(url: str | None, books: Path, names: list[str]) -> None:
     if url is None:
         return
     store = open_object_store(url)
-    with reaching(store):
-        for name in names:
-            _pull(store, books, name)
+    with reaching(store), ThreadPoolExecutor(CONNECTIONS) as pool:
+        list(pool.map(lambda name: _pull(store, books, name), names))
 
 
 def push_files(url: str | None, books: Path, names: list[str]) -> None:

@@ -7,10 +7,13 @@ of the other detections have a catalog star near, at the catalog's own density t
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 Array = NDArray[np.float64]
 FIRST_LOOK = 8  # detections that are compared first; orientations that none of them supports are dropped
@@ -25,7 +28,7 @@ class SkyPairs:
     first: NDArray[np.int32]
     second: NDArray[np.int32]
     angle_rad: Array
-    tree: cKDTree
+    tree: "cKDTree"
 
 
 @dataclass(frozen=True)
@@ -46,6 +49,8 @@ class Hypothesis:
 
 def sky_pairs(directions: Array, widest_rad: float) -> SkyPairs:
     """All pairs of stars (n, 3) up to a separation."""
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(directions)
     pairs = tree.query_pairs(2 * np.sin(widest_rad / 2), output_type="ndarray").astype(np.int32)
     chord = np.linalg.norm(directions[pairs[:, 0]] - directions[pairs[:, 1]], axis=1)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from catalog.camera import Camera
 from tasks.stars.orientation import Orientation, fit_orientation
@@ -74,6 +73,8 @@ def mutual(camera: Camera, turned: Array, directions: Array, xy_px: Array, radiu
     near = near[((places[near] >= low) & (places[near] <= high)).all(axis=1)]
     if not len(near):
         return np.zeros(0, int), np.zeros(0, int)
+    from scipy.spatial import cKDTree
+
     apart, star = cKDTree(places[near]).query(xy_px, distance_upper_bound=radius_px)
     back = cKDTree(xy_px).query(places[near])[1]
     own = np.flatnonzero(np.isfinite(apart))

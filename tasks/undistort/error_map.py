@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from tasks.undistort.mark_set import FitReport
 
@@ -26,6 +25,8 @@ class ErrorMap:
         return np.sqrt(np.concatenate([self._local(block) for block in blocks]))
 
     def _local(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        from scipy.spatial.distance import cdist
+
         weight = np.exp(-0.5 * cdist(points, self._place, "sqeuclidean") / BANDWIDTH_PX**2)
         local = weight @ self._squares + PRIOR_MARKS * self._mean
         return np.asarray(local / (weight.sum(axis=1) + PRIOR_MARKS))

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from catalog.observation import Observation, Quality
 from tasks.undistort.mark_fit import spot
@@ -65,6 +64,8 @@ def first_guess(nominal_xy: Array, spots: Array, size_px: tuple[int, int]) -> tu
     A common shift is voted for by all pairs of marks and spots; then a polynomial shift of growing degree is fitted,
     robustly, to the nearest spots within a shrinking radius.
     """
+    from scipy.spatial import cKDTree
+
     if len(spots) == 0:
         return nominal_xy.copy(), np.zeros(len(nominal_xy), dtype=bool)
     shift = np.broadcast_to(_voted_shift(nominal_xy, spots), nominal_xy.shape)

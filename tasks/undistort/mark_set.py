@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull
 
 from catalog.reseau import ReseauTable
 from tasks.undistort.reseau_marks import SIGMA_FLOOR_PX, MarkState, ReseauMarks
@@ -46,6 +45,8 @@ class MarkSet:
 
     def beyond_hull(self, xy: Array) -> NDArray[np.bool_]:
         """True (n,) for undistorted pixels (n, 2) outside the convex hull of the found marks."""
+        from scipy.spatial import ConvexHull
+
         beyond = np.zeros(len(xy), dtype=bool)
         for across, down, offset in ConvexHull(self.object_xy[self.found]).equations:
             beyond |= xy[:, 0] * across + xy[:, 1] * down + offset > 1e-9

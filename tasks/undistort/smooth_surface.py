@@ -5,7 +5,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.distance import cdist
 
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
@@ -96,6 +95,8 @@ class SmoothSurface:
 
 
 def _spline(a: Array, b: Array) -> Array:
+    from scipy.spatial.distance import cdist
+
     squared = cdist(a, b, "sqeuclidean") / UNIT_PX**2
     return 0.5 * squared * np.log(np.maximum(squared, 1e-300))
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import Delaunay, cKDTree
 
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
@@ -32,6 +31,8 @@ class TriangleMap:
     """
 
     def __init__(self, source: Points, target: Points) -> None:
+        from scipy.spatial import Delaunay, cKDTree
+
         refuse_collinear(source)
         self._triangulation = Delaunay(source)
         self.corners: NDArray[np.int64] = self._triangulation.simplices.astype(np.int64)
