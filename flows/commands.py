@@ -287,7 +287,7 @@ def check(options: CheckOptions, show: Show) -> None:
     from tasks.objectstore.checked import each_checked
 
     sound, count = 0, 0
-    for folder, faults in each_checked(options.paths):
+    for folder, faults in each_checked(options.paths, options.sample, options.after):
         count, sound = count + 1, sound + (not faults)
         named = [{"kind": fault.kind, "fault": fault.text} for fault in faults]
         names = {"product": printable(Path(folder).name), "path": printable(folder)}

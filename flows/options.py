@@ -200,6 +200,8 @@ class CheckOptions(Options):
     paths: Annotated[tuple[str, ...], Cli(argument=True)] = opt(
         ..., description="Stores, or products' folders; stores may be s3://bucket/prefix."
     )
+    sample: int | None = opt(ge=1, description="Only so many products of each store, drawn at random.")
+    after: Text = opt(description="Only products whose names come after this one: to go on where a check ended.")
 
 
 def processors() -> int:

@@ -9,8 +9,6 @@ from catalog.errors import PlanetposeError, RefusedError
 from catalog.plain_files import own_json
 from catalog.plain_text import printable
 from flows.options import BOOKS, ReprocessOptions
-from flows.reprocessing.planning import Planned
-from flows.reprocessing.run import planned
 from tasks.outcome_counts import OutcomeCounts
 from tasks.outcomes import all_outcomes
 from tasks.publish.index import product_folders
@@ -60,6 +58,9 @@ def latest_runs(books: Path) -> list[dict[str, Any]]:
 def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
     """What a run like this one would do now: how many images, why, and some of them by name; the fault when list or
     profile cannot be read any more."""
+    from flows.reprocessing.planning import Planned
+    from flows.reprocessing.run import planned
+
     found: dict[str, Any] = {"list": run.get("list"), "profile": run.get("profile"), "fault": None}
     try:
         count, plans = planned(ReprocessOptions(**run.get("parameters", {})))

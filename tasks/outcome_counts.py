@@ -3,7 +3,6 @@
 from array import array
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from heapq import nlargest
 from statistics import median
 from typing import Any
 
@@ -31,11 +30,13 @@ class OutcomeCounts:
         self.images += 1
         self.may_pass += outcome.passing
         self.status[outcome.status] += 1
-        if outcome.code:
-            self.reasons[outcome.status][outcome.code] += 1
+        if code := outcome.code:
+            self.reasons[outcome.status][code] += 1
         if has_folder and outcome.status not in PUBLISHED:
             self.stale.append(outcome.product)
-        self.slowest = nlargest(SLOWEST, [*self.slowest, (outcome.seconds, outcome.product, outcome.peak_mb)])
+        if len(self.slowest) < SLOWEST or outcome.seconds > self.slowest[-1][0]:
+            named = [*self.slowest, (outcome.seconds, outcome.product, outcome.peak_mb)]
+            self.slowest = sorted(named, key=lambda each: -each[0])[:SLOWEST]
         for name, step in outcome.steps.items():
             self.steps[name.partition("-")[0]].add(step, outcome.product)
 
@@ -69,7 +70,8 @@ class StepTimes:
         self.cached += bool(step.get("cached"))
         self.seconds.append(step["seconds"])
         self.peak_mb = max(self.peak_mb, peak_mb)
-        self.slowest = max(self.slowest, (step["seconds"], peak_mb, product))
+        if step["seconds"] >= self.slowest[0]:
+            self.slowest = max(self.slowest, (step["seconds"], peak_mb, product))
 
     def row(self, kind: str) -> dict[str, Any]:
         """One line of the table of steps."""

@@ -15,11 +15,13 @@ from typing import Any
 
 from catalog.digest import sha256_of_json
 from catalog.plain_files import own_json
-from catalog.regular_file import read_regular_text
+from catalog.regular_file import read_regular, read_regular_text
 from tasks.atomic import file_put_in_place
 from tasks.fields import Json
 from tasks.objectstore.state import IMAGES, TRACES, push_files
 from tasks.publish.origin import OTHER_IMAGE, place_of_image
+
+BLOCK_BYTES = 1 << 14  # an outcome has some 1000
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,28 @@ def read_trace(books: Path, outcome: Outcome) -> Json:
 
 def _read(path: Path) -> Outcome | None:
     try:
-        return Outcome(**own_json(read_regular_text(path)))
-    except (OSError, ValueError, TypeError):
+        return _outcome_in(read_regular(path))
+    except OSError:
+        return None
+
+
+def _content_of(path: str) -> bytes:
+    """Of a file that was seen to be a regular one."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        content = block = os.read(descriptor, BLOCK_BYTES)
+        while len(block) == BLOCK_BYTES:
+            block = os.read(descriptor, BLOCK_BYTES)
+            content += block
+        return content
+    finally:
+        os.close(descriptor)
+
+
+def _outcome_in(content: bytes) -> Outcome | None:
+    try:
+        return Outcome(**own_json(content))
+    except (ValueError, TypeError):
         return None
 
 
@@ -124,12 +146,15 @@ def _exchange(path: Path, content: Json) -> None:
 
 def all_outcomes(books: Path) -> Iterator[Outcome]:
     """Every outcome of a store, by product, without its trace."""
-    folder = str(books / IMAGES)
     try:
-        names = sorted(name for name in os.listdir(folder) if name[0] != "." and name.endswith(".json"))
+        with os.scandir(books / IMAGES) as entries:
+            files = [entry for entry in entries if entry.name[0] != "." and entry.is_file()]
     except OSError:  # no run yet
         return
-    for name in names:
-        outcome = _read(Path(folder, name))
+    for path in sorted(file.path for file in files if file.name.endswith(".json")):
+        try:
+            outcome = _outcome_in(_content_of(path))
+        except OSError:
+            continue
         if outcome is not None:
             yield outcome

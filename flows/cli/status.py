@@ -18,22 +18,31 @@ def status(
         ),
     ],
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
-    plan: Annotated[bool, typer.Option("--plan/--no-plan", help="Look what is out of date.")] = True,
+    plan: Annotated[
+        bool | None,
+        typer.Option("--plan/--no-plan", help="Look what is out of date; default: up to 10 000 images."),
+    ] = None,
 ) -> None:
     """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
     from flows.cli.output import clean_stdout, write_json
-    from flows.status import status_of
+    from flows.status import PLANNED_BY_DEFAULT, out_of_date, status_of
     from tasks.objectstore.places import place_of
     from tasks.objectstore.state import STATE, pull_state
 
     with clean_stdout() as answer:
         place = place_of(store)
         pull_state(place.publish_to, place.store / STATE)
-        found = status_of(place.store, plan)
+        found = status_of(place.store, plan if json else False)
         if json:
             write_json(answer, found)
             return
-        print("\n".join(lines_of(found)), file=answer)
+        print("\n".join(lines_of(found)), file=answer, flush=True)  # before the plan, which takes longer
+        if not found["runs"] or plan is False:
+            return
+        if plan or found["images"] <= PLANNED_BY_DEFAULT:
+            print("\n".join(outdated_lines(out_of_date(found["runs"][0]))), file=answer)
+        else:
+            print("\nout of date: not looked at in so large a store; --plan does", file=answer)
 
 
 def lines_of(found: dict[str, Any]) -> list[str]:

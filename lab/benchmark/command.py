@@ -23,6 +23,7 @@ def register(app: typer.Typer) -> None:
     group.command()(mesh)
     group.command()(steps)
     group.command()(index)
+    group.command()(growth)
     group.command()(fuzz)
     group.command()(batches)
     group.command()(honesty)
@@ -118,3 +119,32 @@ def index(
         else:
             for name, value in figures.items():
                 print(f"{name:28s} {value}", file=answer)
+
+
+def growth(
+    json: Annotated[bool, typer.Option("--json", help="One JSON object per part on stdout.")] = False,
+    products: Annotated[int, typer.Option(min=100, max=1_000_000, help="Products in a store.")] = 100_000,
+    rows: Annotated[int, typer.Option(min=100, max=10_000_000, help="Rows of the index that is opened.")] = 1_000_000,
+) -> None:
+    """Measure how batches, index, status, plan and report grow with a store, in processor seconds and MB, by links of
+    one product; exit status 1 when a bar is not kept."""
+    from flows.cli.output import clean_stdout, write_json
+    from lab.benchmark.growth import benchmark_growth, kept
+
+    good = True
+    with clean_stdout() as answer:
+
+        def show(part: str, figures: dict[str, object]) -> None:
+            nonlocal good
+            good = good and kept(figures)
+            if json:
+                write_json(answer, {"part": part, **figures})
+            else:
+                print(
+                    f"{part:8s} " + ", ".join(f"{name} {value}" for name, value in figures.items()),
+                    file=answer,
+                    flush=True,
+                )
+
+        benchmark_growth(products, rows, show)
+    raise typer.Exit(0 if good else 1)

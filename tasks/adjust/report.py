@@ -14,7 +14,7 @@ from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import Measurement
 from tasks.adjust.settings import AdjustSettings
 from tasks.adjust.solve import AT_ATTITUDE, AT_RANGE, AT_ROLL, Adjustment
-from tasks.adjust.target_offset import TargetOffset, camera_sigma_px, pose_with_target, target_offsets
+from tasks.adjust.target_offset import TargetOffset, camera_sigma_px, pixels_by_km, pose_with_target, target_offsets
 from tasks.joint.parameters import RANGE, ROLL
 from tasks.plain import plain
 from tasks.stars.separate import TOGETHER
@@ -141,10 +141,15 @@ def sequence_rows(
 
 def offset_row(images: Sequence[Measurement], offset: TargetOffset | None) -> dict[str, Any]:
     """Where the target of a sequence is, from where ephemeris and trajectory have it; `reason` says why that is not
-    known. residual_px: of each image with stars about it."""
+    known. offset_px, sigma_px: in the picture of the first image with stars, across the line of sight, along which
+    km are known far worse. residual_px: of each image with stars about it."""
     if offset is None:
         return {"offset_km": None, "reason": WITHOUT_STARS}
+    first = images[offset.images[0]]
+    by_km = pixels_by_km(first.predicted, first.camera)
     return {
+        "offset_px": plain(by_km @ offset.offset_km),
+        "sigma_px": plain(np.sqrt(np.diag(by_km @ offset.covariance_km2 @ by_km.T))),
         "offset_km": plain(offset.offset_km),
         "covariance_km2": plain(offset.covariance_km2),
         "sigma_km": plain(np.sqrt(np.diag(offset.covariance_km2))),

@@ -22,13 +22,18 @@ def offset_line(row: dict[str, Any]) -> str:
     found = row["target_offset"]
     if found["offset_km"] is None:
         return f"sequence {row['sequence']}: {found['reason']}"
+    across = " ".join(
+        f"{v:+.3f}+-" + ("?" if s is None else f"{s:.3f}")
+        for v, s in zip(found["offset_px"], found["sigma_px"], strict=True)
+    )
     parts = " ".join(
         f"{v:+.1f}+-" + ("?" if s is None else f"{s:.1f}")
         for v, s in zip(found["offset_km"], found["sigma_km"], strict=True)
     )
     chance = "" if found["probability"] is None else f", probability {found['probability']:.2g}"
     return (
-        f"sequence {row['sequence']}: {row['target']} is off its ephemeris and trajectory by ({parts}) km, J2000, by "
+        f"sequence {row['sequence']}: {row['target']} is off its ephemeris and trajectory by ({across}) px, "
+        f"({parts}) km in J2000, by "
         f"{len(found['images_with_stars'])} of {len(row['images'])} images with stars (chi-square "
         f"{found['chi_square']:.1f} of {found['degrees_of_freedom']}{chance})"
     )

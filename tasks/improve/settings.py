@@ -7,6 +7,9 @@ from tasks.control.settings import ControlSettings
 from tasks.improve.frame import FRAMES, Feature
 from tasks.mosaic.settings import MosaicSettings
 
+# Smaller than of ties between two images: disks are some hundred pixels wide, and the map of many images has less noise
+# (57 simulated images of Europa: 21 px leave 0.19 degrees at disks of 100 px, 15 px 0.15).
+PATCH_PX = 15
 # What a base map displaces orientations by, beside its frame, at least (1-sigma about each axis): that of 13 simulated
 # images of Europa by LORRI against another map, 0.03 degrees.
 LEAST_ATTITUDE_DEG = 0.03
@@ -15,7 +18,9 @@ LEAST_ATTITUDE_DEG = 0.03
 def usual_patches(points: int = 2400, least_correlation: float = 0.7) -> ControlSettings:
     """Patches that images are matched with the map by: more of them than ties, and weaker, as each is only matched with
     the mean of all other images."""
-    return ControlSettings(points=points, least_correlation=least_correlation, least_attitude_deg=LEAST_ATTITUDE_DEG)
+    return ControlSettings(
+        points=points, patch_px=PATCH_PX, least_correlation=least_correlation, least_attitude_deg=LEAST_ATTITUDE_DEG
+    )
 
 
 @dataclass(frozen=True)

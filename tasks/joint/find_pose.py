@@ -172,9 +172,11 @@ def as_correction(
 
 
 def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | None) -> str | None:
-    """Whether the shape that is shown speaks against the target, where its markings do not show that it is the body."""
+    """Whether the shape that is shown speaks against the target, where its markings do not show that it is the body; a
+    target with a shape model is no ellipsoid anyway."""
     found, attitude_deg = estimate.displacement, float(np.max(given.sigmas[ATTITUDE]))
-    if found is None or orientation is None or orientation.markings.verdict == "matched":
+    is_known = orientation is None or orientation.markings.verdict == "matched"
+    if found is None or is_known or given.scene.target.shape is not None:
         return None
     return doubt_of_shape(found, estimate.state.pose, given.scene, min(attitude_deg, UNKNOWN_DEG), given.thresholds)
 

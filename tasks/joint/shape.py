@@ -2,9 +2,8 @@
 
 Another body of about the target's size, whose range is known to some per cent, passes for it but for its shape: its
 axes displace limb, terminator and shading against those of the target's ellipsoid, and so does relief that the target's
-file does not state, or an orientation far off. The shear of the displacement that is shown (see `displaced_markings`)
-is what another ellipsoid makes of the outline; it is compared with what noise, stated relief and the prior of the
-orientation make of it.
+file does not state, or an orientation far off. The displacement that looks like no other centre, range or roll (see
+`displaced_markings`) is compared with what noise, stated relief and the prior of the orientation make of it.
 """
 
 import numpy as np
@@ -15,7 +14,7 @@ from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg
 from tasks.compare.limb_errors import relief_covariance
 from tasks.joint.contradiction import chi_square
-from tasks.joint.displaced_markings import Displacement
+from tasks.joint.displaced_markings import SEEN, Displacement
 from tasks.joint.outline import DIRECTIONS, SAMPLES, outline
 from tasks.joint.thresholds import Thresholds
 from tasks.simulate import Scene
@@ -32,15 +31,18 @@ def doubt_of_shape(
 ) -> str | None:
     """The doubt that the displacement raises at the solution's pose. attitude_deg: 1-sigma of the orientation, about
     each axis."""
-    allowed = shear_of_outline(pose, scene, attitude_deg, limits.orientation.fewest_directions)
-    shear = found.found_px[SHEAR]
-    squares = float(shear @ np.linalg.solve(found.noise[SHEAR, SHEAR] + allowed, shear))
-    if squares <= chi_square(len(shear), limits.contradiction.chance_shape):
+    allowed = np.diag(shear_of_outline(pose, scene, attitude_deg, limits.orientation.fewest_directions))
+    # Relief and turns move the other terms about as much as the shear.
+    expected = np.diag(found.noise) + np.concatenate([allowed, np.full(SEEN - len(allowed), allowed.mean())])
+    # A small disk's few groups of residuals tell the terms' variances, not what they have in common.
+    squares = float((found.found_px**2 / expected).sum())
+    if squares <= chi_square(SEEN, limits.contradiction.chance_shape):
         return None
     return (
-        f"{Reason.SHAPE_DISAGREES}: limb and shading show another outline than the target's (an ellipse by "
-        f"{np.hypot(*shear):.2f} px, {np.sqrt(squares):.1f} times its error), and no markings show that the body is "
-        "the target. Check the target, its radii and relief, its orientation and the camera's distortion."
+        f"{Reason.SHAPE_DISAGREES}: limb and shading show another shape than the target's (displaced by an ellipse of "
+        f"{np.hypot(*found.found_px[SHEAR]):.2f} px and more, {np.sqrt(squares / SEEN):.1f} times the errors), and no "
+        "markings show that the body is the target. Check the target, its radii and relief, its orientation and the "
+        "camera's distortion."
     )
 
 

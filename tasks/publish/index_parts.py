@@ -61,28 +61,35 @@ def read_whole(store: Path) -> "pd.DataFrame | None":
 
 def products_of_parts(store: Path) -> dict[Path, list[str]] | None:
     """The products of every part; None when there is no part, or one that cannot be read."""
-    paths = part_paths(store)
-    parts = {path: read_part(path, ["product"]) for path in paths}
-    names = {path: list(part["product"]) for path, part in parts.items() if part is not None}
-    return names if names and len(names) == len(paths) else None
+    columns = {path: _texts_of(path, ["product"]) for path in part_paths(store)}
+    names = {path: found[0] for path, found in columns.items() if found is not None}
+    return names if names and len(names) == len(columns) else None
 
 
 def stamps_of_parts(store: Path) -> dict[str, str] | None:
     """The stamp of every product, as the index has it; None where a part cannot be read, or a product has two rows."""
+    pairs: list[tuple[str, str]] = []
+    for path in part_paths(store):
+        found = _texts_of(path, ["product", "stamp"])
+        if found is None:
+            return None
+        pairs += zip(*found, strict=True)
+    return stamps if len(stamps := dict(pairs)) == len(pairs) else None
+
+
+def _texts_of(path: Path, columns: list[str]) -> list[list[str]] | None:
+    """Columns of text of a part, as `read_part`, but without pandas, whose import takes longer."""
     from pyarrow import parquet
     from pyarrow.lib import ArrowException
 
-    pairs: list[tuple[str, str]] = []
     try:
-        for path in part_paths(store):
-            with parquet.ParquetFile(path) as file:  # `read_table` imports pandas
-                if tuple(file.schema_arrow.names) != NAMES:
-                    return None
-                part = file.read(columns=["product", "stamp"])
-            pairs += zip(part["product"].to_pylist(), part["stamp"].to_pylist(), strict=True)
+        with parquet.ParquetFile(path) as file:
+            if tuple(file.schema_arrow.names) != NAMES:
+                return None
+            part = file.read(columns=columns)
     except (OSError, ValueError, ArrowException):
         return None
-    return stamps if len(stamps := dict(pairs)) == len(pairs) else None
+    return [part[name].to_pylist() for name in columns]
 
 
 def count_rows(store: Path) -> int:
@@ -104,10 +111,10 @@ def write_rows(store: Path, parts: dict[Path, list[str]], rows: "pd.DataFrame", 
         if wrong:
             part = read_part(path)
             kept = [] if part is None else [part[~part["product"].isin(wrong)]]
-            ours = rows[rows["product"].isin(there - seen)]
+            ours = rows[[product in there and product not in seen for product in rows["product"]]]
             _write_part(pd.concat([*kept, ours]) if len(ours) else kept[0], path)
         seen |= there
-    new = rows[~rows["product"].isin(seen)]
+    new = rows[[product not in seen for product in rows["product"]]]  # `isin` would make an array of all products
     if len(new):
         _append(store, list(parts), new)
 

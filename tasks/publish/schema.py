@@ -13,7 +13,7 @@ Written by `python -m tasks.publish.schema` from the tables in `tasks/publish/`;
 A store is a folder with one folder per image, the product, and one index. Products appear whole or not at all.
 
 ```
-STORE/index.parquet            one row per image
+STORE/index.parquet            one row per image; a folder of `part-*.parquet` beyond 20 000 images
 STORE/PRODUCT/cube.zarr        Zarr v3 group, the geometry cube
 STORE/PRODUCT/planes.zarr      further planes of the same pixels, where `planetpose planes` added them
 STORE/PRODUCT/overlay.png      image, predicted and corrected limb, grid, terminator

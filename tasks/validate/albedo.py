@@ -17,8 +17,9 @@ Image = NDArray[np.float32]
 
 # Of errors of first order, which look like another Sun; the others are of higher order.
 FIRST = 2
-# 1-sigma of each error before the fit, relative to the albedo, at the limb; surplus over chance that counts, sigmas.
-EXPECTED, CHANCE_SIGMAS = 0.3, 2.0
+# 1-sigma of each error before the fit, and at most after it, relative to the albedo, at the limb; surplus over chance
+# that counts, sigmas.
+EXPECTED, CHANCE_SIGMAS = 0.2, 2.0
 
 
 def albedo_terms(x: Array, y: Array) -> Array:
@@ -52,5 +53,5 @@ def spread_by_albedo(
     found = (inverse @ (design[kept] @ left) / variance)[count:]
     noise = np.diag(inverse @ information @ inverse / variance)[count:]
     passed = np.eye(len(found)) - inverse[count:, count:] * EXPECTED**-2
-    size = size_of(found, noise, np.diag(passed @ passed.T), EXPECTED, CHANCE_SIGMAS)
+    size = min(size_of(found, noise, np.diag(passed @ passed.T), EXPECTED, CHANCE_SIGMAS), EXPECTED)
     return np.asarray(size**2 * response @ response.T)

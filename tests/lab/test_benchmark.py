@@ -61,3 +61,20 @@ def test_help_says_what_to_install_for_the_peers():
 
     help_text = CliRunner().invoke(build_app(), ["benchmark", "projection", "--help"]).output
     assert "planetpose[lab]" in help_text
+
+
+def test_growth_is_measured_against_its_bars(tmp_path):
+    """At a hundredth of its size; whether bars are kept is for `planetpose benchmark growth` to say."""
+    from lab.benchmark import growth
+    from lab.benchmark.index import small_publication
+    from tasks.publish import publish
+
+    first = growth.small_part(publish(small_publication(), tmp_path / "whole"), tmp_path / "one")
+    batch = growth.batch(first, tmp_path / "batch", 100)
+    assert list(batch["seconds"]) == [100]
+    index = growth.index_of_many(first, tmp_path / "index", 300, 1000)
+    assert (index["rows"], index["page"]) == (1000, 100)
+    report = growth.report_of_many(tmp_path / "report", 5000)
+    assert (report["files"], growth.kept(report)) == (3, True)
+    assert not growth.kept({"mb": 2.0, "bar": {"mb": 1.0}})
+    assert growth.exponent_of({100: 1.0, 1000: 100.0}) == pytest.approx(2.0)

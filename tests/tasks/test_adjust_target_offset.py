@@ -126,6 +126,9 @@ def test_the_report_has_the_offset_and_the_images_that_it_is_by() -> None:
     row = report["sequences"][0]["target_offset"]
     assert row["images_with_stars"] == ["i0"]
     assert row["probability"] is None
+    expected = pixels_by_km(images[0].predicted, CAMERA) @ OFFSET_KM
+    assert (np.abs(np.array(row["offset_px"]) - expected) < 4 * np.array(row["sigma_px"])).all()
+    assert max(row["sigma_px"]) < 0.1
     assert np.array(row["covariance_km2"]).shape == (3, 3)
     assert [each["camera_by"] for each in report["images"]] == ["stars", "target"]
     assert "off its ephemeris" in adjustment_table(report)

@@ -37,8 +37,7 @@ def voyager_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_command_prints_one_json_object_and_nothing_else(
     voyager_file: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    command = build_app()
-    command(["distortion", str(voyager_file), "--json", "--no-figures"], standalone_mode=False)
+    build_app()(["distortion", str(voyager_file), "--json", "--no-figures"], standalone_mode=False)
     report = json.loads(capfd.readouterr().out)
     assert report["camera"] == "voyager1-nac"
     assert report["marks_expected"] == 202
@@ -47,15 +46,19 @@ def test_the_command_prints_one_json_object_and_nothing_else(
     assert all(isinstance(figures[key], float) for figures in report["methods"].values() for key in FIGURES)
     assert report["chosen"] == "warped-table"
     assert report["figures"] == []
-    command(["distortion", str(voyager_file), "--no-figures"], standalone_mode=False)
-    assert "* warped-table" in capfd.readouterr().out
 
 
-def test_the_figures_are_written(voyager_file: Path, tmp_path: Path) -> None:
-    report = distortion_report(voyager_file, tmp_path / "figures")
-    assert len(report["figures"]) == 4
-    for path in report["figures"]:
-        assert Path(path).read_bytes().startswith(b"\x89PNG")
+def test_it_prints_a_table_and_writes_the_figures(
+    voyager_file: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    build_app()(["distortion", str(voyager_file), "--out", str(tmp_path / "figures")], standalone_mode=False)
+    printed = capfd.readouterr().out
+    assert "* warped-table" in printed
+    figures = sorted((tmp_path / "figures").iterdir())
+    assert sorted(line for line in printed.splitlines() if line.endswith(".png")) == [str(path) for path in figures]
+    assert len(figures) == 4
+    for path in figures:
+        assert path.read_bytes().startswith(b"\x89PNG")
 
 
 def test_a_camera_with_a_formula_lists_its_alternatives(tmp_path: Path) -> None:

@@ -63,10 +63,14 @@ def test_stars_and_other_bodies_of_a_frame_are_layers(tmp_path: Path) -> None:
     )
     match = {"star": "HIP 1", "x_px": 20.5, "y_px": 30.25, "magnitude": 7.5, "used": True}
     measured = [{"name": "moon", "predicted_px": [80.0, 200.0], "measured_px": [80.5, 200.25]}]
-    result = {"status": "ok", "bodies": measured, "stars": {"stars": 1, "matches": [match, {"star": "no place"}]}}
+    result = {
+        "status": "ok",
+        "bodies": measured,
+        "stars": {"stars": 1, "matches": [match], "unidentified": [{"x_px": 1, "y_px": 2}]},
+    }
     publish(small_publication(pose_after=alone.replaced(bodies=(moon,)), result=result), tmp_path)
     page = client_of(tmp_path)[0].get("/api/products/C0001").json()
-    (other,), (star,) = page["others"], page["stars"]
+    (other,), (star, unidentified) = page["others"], page["stars"]
     centre = camera_of(160).project(alone.target_in_camera_km + offset_km)
     scale = 2e4 / (alone.target_in_camera_km + offset_km)[2]
     away = [np.hypot(*(np.array(curve) - centre).T) for curve in (other["limb"], *other["rings"])]
@@ -74,6 +78,7 @@ def test_stars_and_other_bodies_of_a_frame_are_layers(tmp_path: Path) -> None:
     np.testing.assert_allclose(away[0], 700 * scale, atol=0.1)
     assert [float(each.max()) for each in away[1:]] == pytest.approx([900 * scale, 1200 * scale], abs=0.1)
     assert other["measured_px"] == [80.5, 200.25]
+    assert (unidentified["star"], unidentified["xy"]) == (None, [1, 2])
     assert (star["star"], star["xy"], star["magnitude"]) == ("HIP 1", [20.5, 30.25], 7.5)
 
 

@@ -280,3 +280,17 @@ def test_the_benchmark_of_the_index_opens_every_row_here_and_in_a_new_process():
     print(figures)
     assert figures["products"] == figures["rows_in_new_process"] == 20
     assert figures["open_s"] > 0
+
+
+def test_a_check_takes_a_sample_or_goes_on_after_a_product(store):
+    from tasks.objectstore.checked import chosen, each_checked
+
+    for name in ("C0003", "C0004", "C0005"):
+        shutil.copytree(store / "C0001", store / name)
+    places = [Path(place).name for place, _ in each_checked([str(store)], after="C0003")]
+    assert places == ["C0004", "C0005"]
+    drawn = [tuple(Path(place).name for place, _ in each_checked([str(store)], sample=2)) for _ in range(1)]
+    assert all(len(set(names)) == 2 and list(names) == sorted(names) for names in drawn)
+    names = [f"P{number}" for number in range(9)]
+    assert len({tuple(chosen(names, 3, None)) for _ in range(50)}) > 1
+    assert chosen(names, 100, "P6") == ["P7", "P8"]
