@@ -2,8 +2,7 @@
 
 A runner is chosen by text: `threads`; `dask`, a cluster of processes on this machine for as long as the flow lasts;
 `dask:ADDRESS`, the scheduler of a cluster that is there (`dask:tcp://host:8786`). All machines of a cluster must find
-images, kernels, cache and store under the same paths, or at addresses of object storage. Both are Prefect's own task
-runners.
+images, kernels, cache and store under the same paths, or share an object store. Both are Prefect's own task runners.
 """
 
 from dataclasses import dataclass
