@@ -14,8 +14,10 @@ demo: $(INSTALLED)
 test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/pytest $(PYTEST_ARGS)
+	@# mypy beside the tests, which often wait for servers; what it found is printed after them.
+	@found=$$(mktemp); $(BIN)/mypy >$$found 2>&1 & types=$$!; \
+	  echo "$(BIN)/pytest $(PYTEST_ARGS)"; $(BIN)/pytest $(PYTEST_ARGS); tests=$$?; \
+	  wait $$types; typed=$$?; echo "$(BIN)/mypy"; cat $$found; rm -f $$found; exit $$((tests + typed))
 
 # Strict: a broken link, reference or equation is an error. The tests build it too.
 docs: $(INSTALLED)

@@ -59,6 +59,7 @@ def _sha256(path: str, signature: Signature) -> str:
             raise ChangedError(Path(path))
     if _keeping and time.time_ns() - max(signature[1], signature[2]) > SETTLED_NS:
         _known[path] = (signature, digest)
+        _new.add(path)
     return digest
 
 
@@ -73,6 +74,7 @@ def _digest(file: BinaryIO, size: int) -> str:
 
 _known: dict[str, tuple[Signature, str]] = {}
 _keeping: list[Path] = []
+_new: set[str] = set()
 
 
 def remember_digests(book: Path) -> None:
@@ -85,6 +87,19 @@ def remember_digests(book: Path) -> None:
     except (OSError, ValueError, TypeError, LookupError, AttributeError):
         return
     _known.update(read)
+
+
+def learned_digests() -> dict[str, tuple[Signature, str]]:
+    """Digests that were found since this was called before, for another process (`learn_digests`)."""
+    learned = {path: entry for path, entry in _known.items() if path in _new}
+    _new.clear()
+    return learned
+
+
+def learn_digests(learned: dict[str, tuple[Signature, str]]) -> None:
+    """Keep what another process found; nothing where digests are not kept."""
+    if _keeping:
+        _known.update(learned)
 
 
 def digests_to_save() -> tuple[Path, str] | None:

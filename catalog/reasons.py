@@ -193,6 +193,7 @@ class Reason(StrEnum):
     SEVERAL_DISKS = "several-disks"
     SEVERAL_PLANES = "several-planes"
     SHAPE_BEHIND_CAMERA = "shape-behind-camera"
+    SHAPE_DISAGREES = "shape-disagrees"
     SHAPE_MISSING = "shape-missing"
     SHAPE_SIZE = "shape-size"
     SHAPE_UNREADABLE = "shape-unreadable"

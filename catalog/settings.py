@@ -39,6 +39,15 @@ def shared_cache_url() -> str | None:
     return os.environ.get("PLANETPOSE_SHARED_CACHE") or None
 
 
+def lease_s() -> float:
+    """Seconds without a sign of life after which another worker takes over a product in an object store:
+    PLANETPOSE_LEASE_S, else 60, about what a slow request may take with its repetitions."""
+    try:
+        return max(float(os.environ.get("PLANETPOSE_LEASE_S", "")), 2.0)
+    except ValueError:
+        return 60.0
+
+
 def state_folder() -> Path:
     """Folder of what outlives a command (the local Prefect server and its database): PLANETPOSE_STATE, else XDG's."""
     configured = os.environ.get("PLANETPOSE_STATE")

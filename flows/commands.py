@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 from catalog.errors import RefusedError, WrongOptionError
 from catalog.plain_text import printable
-from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    PhotometryOptions,
     ReportOptions,
     processors,
 )
@@ -262,7 +261,8 @@ def stars(options: StarsOptions, show: Show) -> None:
     from tasks.stars.requests import requests_of
     from tasks.stars.write import stars_of_images
 
-    for content, good in stars_of_images(requests_of(options.model_dump(), options.chosen_kernels), options.out):
+    requests = requests_of(options.model_dump(), options.chosen_kernels)
+    for content, good in stars_of_images(requests, options.out, options.solve):
         show(Row(as_text(content), content, good))
 
 

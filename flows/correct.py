@@ -11,6 +11,7 @@ from prefect import flow, get_run_logger
 from prefect.states import Completed, Failed, State
 
 from flows.flow import flow_of
+from flows.flow_run import current_run
 from flows.one_image import Result, one_result, twins
 from flows.options import CorrectOptions
 from flows.progress import audience
@@ -18,6 +19,7 @@ from flows.request import Request
 from flows.requests import requests_of_files
 from flows.result import tally
 from tasks.boundary import PUBLISHED
+from tasks.guidance.prefect_run import note_run
 from tasks.objectstore.places import Indexing
 from tasks.prefect_task import run_as_task
 
@@ -45,7 +47,7 @@ def correct_requests(requests: list[Request], workers: int = 1) -> State[list[Re
 def correct_all(requests: list[Request], workers: int) -> State[list[Result]]:
     """Correct images in threads of this process: the heavy parts (Mitsuba, numpy, OpenCV) release the interpreter's
     lock. Results are reported in the order of the requests."""
-    listener, run_logger = audience(), get_run_logger()
+    listener, run_logger, run = audience(), get_run_logger(), current_run()
     refused, stop = twins(requests), Event()
     results: list[Result] = []
     threads = ThreadPoolExecutor(max_workers=max(workers, 1), thread_name_prefix="image")
@@ -61,6 +63,7 @@ def correct_all(requests: list[Request], workers: int) -> State[list[Result]]:
             result = awaited(future, stop)
             results.append(result)
             indexing.note(requests[len(results) - 1].store, result)
+            note_run(requests[len(results) - 1].store, result["product"], run)
             listener.on_result(result)
             run_logger.info("%s: %s %s", result["product"], result["status"], result["reason"] or "")
     bad = [result for result in results if result["status"] not in PUBLISHED]

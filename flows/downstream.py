@@ -8,14 +8,13 @@ from prefect.states import Completed, Failed, State
 from flows import commands
 from flows.commands import Row, Show
 from flows.flow import O, flow_of
-from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
     ExportOptions,
     FetchOptions,
     KernelsOptions,
-    PhotometryOptions,
     ReportOptions,
 )
 from flows.star_options import AstrometryOptions, StarsOptions

@@ -1,10 +1,49 @@
-"""What users choose of the commands on maps and their control; as `flows.options`."""
+"""What users choose of the commands that make maps and laws of a store's images; as `flows.options`."""
 
 from pathlib import Path
 from typing import Annotated
 
-from flows.image_options import Cli, File, Options, Text, opt
-from flows.option_types import OneStore
+from flows.image_options import Cli, File, Limits, Options, Text, opt
+from flows.options import LATITUDES, LONGITUDES, OneStore
+
+
+class PhotometryOptions(Options):
+    """Fit a phase function to a region's pixels in all images of a store."""
+
+    store: OneStore = opt(..., description="A store, or one product's folder.")
+    law: str = opt(
+        "lunar-lambert",
+        description="lambert, lommel-seeliger, lunar-lambert, mcewen, minnaert, akimov, hapke, hapke-2002, hapke-2012.",
+    )
+    latitude: Limits = opt(LATITUDES, description="South and north limit.")
+    longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
+    regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
+    max_incidence_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
+    max_emission_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
+    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
+        (), description="A parameter that is not solved; repeat for more."
+    )
+    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
+        (), description="What is known of a parameter, with its 1-sigma; repeat for more."
+    )
+    bound: Annotated[tuple[str, ...], Cli(metavar="NAME=LOW:HIGH")] = opt(
+        (), description="Limits of a parameter; repeat for more."
+    )
+    calibration_percent: float = opt(
+        5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
+    )
+    units_per_if: float | None = opt(
+        ge=1e-12,
+        description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
+    )
+    bands: str = opt("none", description="A fit of its own for each: none, filter or camera.")
+    albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
+    doubtful: bool = opt(False, description="Doubtful images too.")
+    bootstrap: int = opt(
+        0, ge=0, description="Uncertainties from that many fits to ground drawn anew; 0: from the covariance."
+    )
+    max_pixels: int = opt(5_000, ge=100, description="Pixels per image; of more every k-th is used.")
+    out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
 
 
 class MosaicOptions(Options):

@@ -84,7 +84,7 @@ class ReprocessOptions(Options):
     )
     fetch: bool = opt(False, description="First get what the list names and is not there.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
-    cache: Absolute | None = opt(description="Cached steps: folder (default: PLANETPOSE_CACHE) or s3://bucket/prefix.")
+    cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
     cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
     cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
 
@@ -182,45 +182,6 @@ class KernelsOptions(KernelOptions):
     out: Path = opt(Path("kernels"), description="Folder that the sets are written in, a folder each.")
     per_image: bool = opt(False, description="A set per image instead of one per mission.")
     check: bool = opt(True, description="Compare with plain SPICE in a second process.")
-
-
-class PhotometryOptions(Options):
-    """Fit a phase function to a region's pixels in all images of a store."""
-
-    store: OneStore = opt(..., description="A store, or one product's folder.")
-    law: str = opt(
-        "lunar-lambert",
-        description="lambert, lommel-seeliger, lunar-lambert, mcewen, minnaert, akimov, hapke, hapke-2002, hapke-2012.",
-    )
-    latitude: Limits = opt(LATITUDES, description="South and north limit.")
-    longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
-    regions: File = opt(description="CSV file of regions instead: region, south, north, west, east.")
-    max_incidence_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
-    max_emission_deg: float = opt(75.0, ge=0, le=90, description="No pixels with a larger one.")
-    hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
-        (), description="A parameter that is not solved; repeat for more."
-    )
-    prior: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE+-SIGMA")] = opt(
-        (), description="What is known of a parameter, with its 1-sigma; repeat for more."
-    )
-    bound: Annotated[tuple[str, ...], Cli(metavar="NAME=LOW:HIGH")] = opt(
-        (), description="Limits of a parameter; repeat for more."
-    )
-    calibration_percent: float = opt(
-        5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
-    )
-    units_per_if: float | None = opt(
-        ge=1e-12,
-        description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
-    )
-    bands: str = opt("none", description="A fit of its own for each: none, filter or camera.")
-    albedo_map: bool = opt(False, description="Divide out the base map that the products were made with.")
-    doubtful: bool = opt(False, description="Doubtful images too.")
-    bootstrap: int = opt(
-        0, ge=0, description="Uncertainties from that many fits to ground drawn anew; 0: from the covariance."
-    )
-    max_pixels: int = opt(5_000, ge=100, description="Pixels per image; of more every k-th is used.")
-    out: Path = opt(Path("photometry"), description="Folder for tables and figures.")
 
 
 class AdjustOptions(Options):

@@ -1,10 +1,12 @@
 """The pose that the corrections of an image are about: the metadata's, or one found in the image itself."""
 
+from catalog.errors import WrongOptionError
 from catalog.pose import IN_IMAGE
 from flows import inputs
 from flows.chain import Chain, Done
 from flows.request import Request
 from tasks.correcting import Known
+from tasks.ingest.bodies import NO_BODIES
 from tasks.ingest.pose_step import PredictedPose
 from tasks.ingest.step import IngestResult
 from tasks.registry import IMAGE_POSE, POSE, STARS, UNDISTORT
@@ -17,6 +19,7 @@ def predicted_pose(chain: Chain, frame: IngestResult) -> tuple[PredictedPose, Do
     """The predicted pose, and the undistorted image. Raises RefusedError when no source knows the pose."""
     request = chain.request
     if request.pose_is_in_image:
+        refuse_company(request)
         undistorted = chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
         found = chain.do(IMAGE_POSE, *inputs.of_image_pose(request, frame, undistorted, chain.kernels))
         return found.result, undistorted
@@ -24,10 +27,18 @@ def predicted_pose(chain: Chain, frame: IngestResult) -> tuple[PredictedPose, Do
     return predicted, chain.do(UNDISTORT, *inputs.of_undistort(request, frame))
 
 
+def refuse_company(request: Request) -> None:
+    """Raises WrongOptionError where stars or other bodies are wanted of a pose that is found in the image itself: it is
+    that of one body before a dark sky, and holds no trajectory that stars could tell from the camera."""
+    option = "stars" if request.stars else "body" if request.body and request.body != (NO_BODIES,) else None
+    if option is not None:
+        fault = f"--{option} needs a predicted pose, and --pose image finds the pose in the image itself."
+        raise WrongOptionError(option, fault, f"Leave --{option} out, or give a pose file or kernels.")
+
+
 def orientation_by_stars(chain: Chain, frame: IngestResult, predicted: PredictedPose) -> StarOrientation | None:
-    """The camera's orientation by stars; None where the user wants none looked for, or there are none. A pose found in
-    the image has no place among the stars."""
-    if not chain.request.stars or chain.request.pose_is_in_image:
+    """The camera's orientation by stars; None where the user wants none looked for, or there are none."""
+    if not chain.request.stars:
         return None
     return chain.do(STARS, *inputs.of_stars(chain.request, frame, predicted.pose)).result.orientation
 

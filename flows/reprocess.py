@@ -25,14 +25,14 @@ from flows.flow import flow_of
 from flows.options import ReprocessOptions
 from flows.progress import audience, logger
 from flows.reprocessing.image_task import image_task, job_of
-from flows.reprocessing.outcomes import Outcome, all_outcomes
-from flows.reprocessing.planning import plans_in_words
+from flows.reprocessing.planning import Planned
 from flows.reprocessing.pool import pool
 from flows.reprocessing.run import Run, begin, finish, planned, save_digests
-from flows.reprocessing.tally import STATUSES, in_words
 from flows.runners import task_runner
 from local_server.prefect_settings import server_is_lost
 from tasks.boundary import PUBLISHED
+from tasks.outcomes import Outcome, all_outcomes
+from tasks.run_tally import STATUSES, in_words
 
 TOO_MANY_FAILED = "TooManyFailed"
 LOST = "outcome-lost: its process was lost, or what it came to could not be written into the store. Run it again."
@@ -67,12 +67,14 @@ def reprocess(options: ReprocessOptions) -> State[Summary]:
 
 def dry(options: ReprocessOptions) -> State[Summary]:
     """Log what would be done."""
-    _, plans = planned(options)
-    wanted = {plan.request.product: plan.why for plan in plans if plan.do}
-    for product, why in wanted.items():
-        get_run_logger().info("%s: %s", product, why)
-    summary = {"images": len(plans), "would_do": wanted}
-    return Completed(message=plans_in_words(plans), data=summary)
+    count, plans = planned(options)
+    found, wanted = Planned(), dict[str, str]()
+    for plan in plans:
+        found.add(plan)
+        if plan.do:
+            wanted[plan.request.product] = plan.why
+            get_run_logger().info("%s: %s", plan.request.product, plan.why)
+    return Completed(message=found.in_words(), data={"images": count, "would_do": wanted})
 
 
 def work_through(run: Run) -> None:

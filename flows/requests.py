@@ -1,6 +1,7 @@
 """The requests of a command: of files, or of an image list; and the fetching of what a list names before."""
 
 import logging
+from collections.abc import Iterator
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -72,8 +73,13 @@ def profile_of_options(options: CorrectOptions) -> Profile:
 def requests_of_list(options: ReprocessOptions) -> list[Request]:
     """One request per image of the list, in its order. Raises RefusedError when list or profile are unknown, or no
     product matches `only`."""
-    found, profile = listed(options), find_profile(options.profile)
-    return [request_of(found, entry, options, profile) for entry in found.entries]
+    return list(each_request(listed(options), options))
+
+
+def each_request(found: ImageList, options: ReprocessOptions) -> Iterator[Request]:
+    """The same, made when they are wanted, of a list that was read."""
+    profile = find_profile(options.profile)
+    return (request_of(found, entry, options, profile) for entry in found.entries)
 
 
 def listed(options: ReprocessOptions) -> ImageList:

@@ -1,12 +1,14 @@
 """What users choose of the commands on stars; as `flows.options`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BeforeValidator
 
 from flows.image_options import Cli, File, Text, known_flip, opt
 from flows.options import KernelOptions, OneStore, comma_list
+
+Solvable = Literal["focal-length", "distortion"]
 
 
 class StarsOptions(KernelOptions):
@@ -32,6 +34,9 @@ class StarsOptions(KernelOptions):
     )
     plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
     summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
+    solve: Annotated[tuple[Solvable, ...], BeforeValidator(comma_list), Cli(metavar="WHAT,...", text=True)] = opt(
+        (), description="Of each camera, by all its images: focal-length, distortion (what its model leaves)."
+    )
     out: File = opt(description="Folder for a JSON file and a picture per image.")
 
 

@@ -53,6 +53,7 @@ PUBLIC = {
     "Match": "tasks.compare.match",
     "Shift": "tasks.point.registration.base",
     "Law": "tasks.simulate.photometry",
+    "view": "viewer.notebook",
     "HiddenModuleWarning": "planetpose.hidden",
 }
 __all__ = sorted([*PUBLIC, "__version__"])
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from tasks.publish.cube_model import model_of as model_of
     from tasks.publish.index import open_index as open_index
     from tasks.simulate.photometry import Law as Law
+    from viewer.notebook import view as view
 
     __version__: str
 

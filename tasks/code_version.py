@@ -14,6 +14,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from catalog.basemap import packaged_map_path
 from catalog.errors import RefusedError
 from catalog.regular_file import read_regular_text
 from catalog.settings import PROJECT_ROOT, cache_folder
@@ -21,6 +22,7 @@ from tasks.atomic import file_put_in_place
 from tasks.source_code import ModuleSource, read_source
 
 PACKAGES = ("catalog", "tasks", "flows")
+CODE = (".py", ".pyc")
 SOURCES_FOLDER = "code"  # in the cache
 KNOWN_SOURCES = f"{SOURCES_FOLDER}/sources.json"
 # Some versions of some 500 modules; then those that are not of the present sources are dropped.
@@ -39,6 +41,19 @@ def code_version(module: str, without: Collection[str] = frozenset()) -> str:
     for name in sorted(sources.reached_from(module, without)):
         digest.update(f"{name}\0{sources.of(name).digest}\0".encode())
     keep_known_sources()
+    return digest.hexdigest()[:16]
+
+
+@cache
+def data_version() -> str:
+    """Sixteen hex digits for the catalog's data and the packaged maps, by sizes and times of their files: other digits
+    do not say that anything is another."""
+    digest = hashlib.sha256()
+    for top in (PROJECT_ROOT / "catalog", packaged_map_path("any").parent):
+        for path in sorted(top.rglob("*")):
+            if path.is_file() and path.suffix not in CODE:
+                stat = path.stat()
+                digest.update(f"{path}\0{stat.st_size}\0{stat.st_mtime_ns}\0".encode())
     return digest.hexdigest()[:16]
 
 

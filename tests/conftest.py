@@ -1,11 +1,17 @@
 """Fixtures shared by all tests."""
 
+import os
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from catalog.settings import data_folder as find_data_folder
+
+# As the command does, before numpy comes: where two processes of tests share two cores, threads of linear algebra wait
+# for each other at full speed (frames with reseau marks take three times the processor time).
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
 
 # A busy machine is no fault of what is tested.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])

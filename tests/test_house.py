@@ -14,7 +14,7 @@ import grimp
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-FLOORS = ("catalog", "tasks", "local_server", "flows", "planetpose", "viewer", "lab")
+FLOORS = ("catalog", "tasks", "local_server", "flows", "viewer", "planetpose", "lab")
 SOURCES = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
 LARGEST_FILE = 1024 * 1024
 LONGEST_MODULE = 300

@@ -122,7 +122,7 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
     def product_(product: str, side: int = 0) -> dict[str, Any]:
         here = side_of(sides, side)
         row = here.table.row(here.known(product)) or {}
-        seen = {"row": row, "advice": advice_of(row.get("reason"))}
+        seen = {"row": row, "advice": advice_of(row.get("reason")), "ranks": here.table.ranks(product)}
         if row.get("status") == "unreadable" or here.planes.place(product) is None:
             return {**papers(here.store, product), **seen}
         return {**product_page(here.planes, product), **seen}

@@ -5,6 +5,8 @@ from typing import Annotated
 
 import typer
 
+from tasks.publish.names import CUBE
+
 
 def register(app: typer.Typer) -> None:
     """Add the command."""
@@ -12,7 +14,9 @@ def register(app: typer.Typer) -> None:
 
 
 def view(
-    store: Annotated[Path, typer.Argument(metavar="STORE", help="A folder of products.", show_default=False)],
+    store: Annotated[
+        Path, typer.Argument(metavar="STORE", help="A folder of products, or one of its products.", show_default=False)
+    ],
     port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: any that is free.")] = 0,
     host: Annotated[
         str, typer.Option(help="Where the page can be reached; other than this machine, with a token only.")
@@ -31,6 +35,9 @@ def view(
 ) -> None:
     """Open a page to look at a store and to help with its images: table, filters, image with layers, values under the
     mouse, nudge, accept, redo."""
+    product = None
+    if (store / CUBE).is_dir():
+        store, product = store.resolve().parent, store.resolve().name
     if export is not None:
         from viewer.export import export_store
 
@@ -39,4 +46,4 @@ def view(
         return
     from viewer.serving import serve
 
-    serve(store, host, port, read_only, compare, open_)
+    serve(store, host, port, read_only, compare, open_, product)

@@ -60,7 +60,8 @@ def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> Non
     def write_pictures() -> None:
         page = product_page(planes, product)
         page["planes"] = [plane for plane in page["planes"] if plane["name"] in PLANES]
-        page.get("result", {}).pop("image", None)  # a path of this machine
+        page.get("result", {}).pop("image", None)  # a path of this machine, as the Prefect run is one's own
+        page.pop("run", None)
         for plane in page["planes"]:
             write_tiles(planes, product, plane["name"], page["levels"], folder / plane["name"])
         (folder / "small.png").write_bytes(thumbnail_of(planes.cube(product)))

@@ -62,9 +62,10 @@ def circle(model: CubeModel, pose: Pose, radius_km: float) -> NDArray[np.float64
 
 
 def stars_of(model: CubeModel, stars: Any) -> list[dict[str, Any]]:
-    """Identified stars: where each was measured, its residual and magnitude. stars: `stars` of the result."""
-    matches = stars.get("matches") if isinstance(stars, dict) else None
-    found = [each for each in matches or () if isinstance(each, dict) and "x_px" in each]
+    """Star images: where each was measured, and of identified ones name, residual and magnitude. stars: `stars` of the
+    result."""
+    listed = [*(stars.get("matches") or ()), *(stars.get("unidentified") or ())] if isinstance(stars, dict) else []
+    found = [each for each in listed if isinstance(each, dict) and "x_px" in each]
     places = places_on(model, [[each["x_px"], each["y_px"]] for each in found])
     names = ("star", "magnitude", "used", "residual_x_px", "residual_y_px")
     return [{name: each.get(name) for name in names} | {"xy": xy} for each, xy in zip(found, places, strict=True) if xy]

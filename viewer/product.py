@@ -14,6 +14,7 @@ from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
 from tasks.diagnose.failed_folder import failed_result, tried_explanations
 from tasks.guidance.decisions import decisions_of
+from tasks.guidance.prefect_run import noted_run
 from tasks.project.curves import graticule, limb, terminator
 from tasks.publish.contained import refuse_what_is_elsewhere
 from tasks.publish.cube_model import CubeModel, model_of
@@ -68,8 +69,9 @@ def product_page(planes: Planes, product: str) -> dict[str, Any]:
 
 
 def papers(store: Path, product: str) -> dict[str, Any]:
-    """What there is also without a picture: decisions."""
-    return {"product": product, "decisions": [decision.__dict__ for decision in decisions_of(store, product)]}
+    """What there is also without a picture: decisions, and the Prefect run that did the image last."""
+    decisions = [decision.__dict__ for decision in decisions_of(store, product)]
+    return {"product": product, "decisions": decisions, "run": noted_run(store, product)}
 
 
 def advice_of(reason: str | None) -> list[dict[str, str]]:

@@ -15,6 +15,7 @@ from flows.options import ReprocessOptions
 from flows.request import Request
 from flows.requests import requests_of_list
 from flows.status import BOOKS, latest_runs
+from tasks.guidance.prefect_run import note_run
 from tasks.publish.index import open_index
 from tasks.publish.names import RESULT, SETTINGS
 
@@ -85,6 +86,7 @@ def main() -> None:
             messages.say(kind="end", result={"status": error.status, "reason": error.reason})
             return
         result = one_result(request, messages)
+        note_run(store, product, None)
         open_index(store)
         messages.say(kind="end", result=result)
 

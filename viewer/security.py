@@ -26,19 +26,22 @@ READING = ("GET", "HEAD")
 LARGEST_BODY = 32_000_000  # a mask of a large detector, as PNG
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "base-uri 'none'; form-action 'none'"
 )
+UNFRAMED = "; frame-ancestors 'none'"
 
 
 @dataclass(frozen=True)
 class Access:
     """host, port: where the server listens. token: needed to change something, and for everything unless `is_local`.
-    read_only: nothing can be changed. names: further host names that the server is reached by."""
+    read_only: nothing can be changed. names: further host names that the server is reached by. framed: the page may be
+    shown within another one, a notebook's, by its address with the token."""
 
     host: str = "127.0.0.1"
     port: int = 0
     read_only: bool = False
     names: tuple[str, ...] = ()
+    framed: bool = False
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24), repr=False)
 
     @property
@@ -49,7 +52,7 @@ class Access:
     def url(self) -> str:
         """The page's address, with the token where it is needed."""
         name = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{name}:{self.port}/" + ("" if self.is_local else f"?token={self.token}")
+        return f"http://{name}:{self.port}/" + ("" if self.is_local and not self.framed else f"?token={self.token}")
 
     def knows(self, host: str) -> bool:
         """Whether a request's Host header names this server."""
@@ -108,7 +111,7 @@ class Guard:
         origin = headers.get("origin")
         if origin not in (None, "null") and not access.knows(origin.partition("://")[2] if origin else ""):
             return 403, "Requests of other sites are refused."
-        if headers.get("sec-fetch-site", "") not in SAME_SITE and not is_a_visit(method, headers):
+        if headers.get("sec-fetch-site", "") not in SAME_SITE and not self.is_a_visit(method, headers, query):
             return 403, "Requests of other sites are refused."
         given = [headers.get(TOKEN_HEADER), cookie_of(headers), *parse_qs(query).get("token", [])]
         if not access.is_local and not any(self.is_token(each) for each in given):
@@ -124,19 +127,31 @@ class Guard:
             return 413, "Too much at once."
         return None
 
+    def is_a_visit(self, method: str, headers: dict[str, str], query: str) -> bool:
+        """Whether somebody follows a link to the page from another site, or a notebook shows it in a frame by its
+        token: that shows the page and gives nothing away."""
+        places = ("document", "iframe") if self.may_be_framed(query) else ("document",)
+        navigates = method == "GET" and headers.get("sec-fetch-mode") == "navigate"
+        return navigates and headers.get("sec-fetch-dest") in places
+
+    def may_be_framed(self, query: str) -> bool:
+        """Whether a request may come from within another page."""
+        return self.access.framed and any(self.is_token(each) for each in parse_qs(query).get("token", []))
+
     def is_token(self, given: str | None) -> bool:
         """Whether it is ours; the comparison takes the same time for every text."""
         return given is not None and secrets.compare_digest(given.encode(), self.access.token.encode())
 
     def with_headers(self, send: Send, scope: Scope) -> Send:
         """`send` that adds the headers."""
+        query = scope.get("query_string", b"").decode("latin-1")
         more = [
-            (b"content-security-policy", POLICY.encode()),
+            (b"content-security-policy", (POLICY + ("" if self.may_be_framed(query) else UNFRAMED)).encode()),
             (b"x-content-type-options", b"nosniff"),
             (b"referrer-policy", b"no-referrer"),
             (b"cross-origin-resource-policy", b"same-origin"),
         ]
-        given = parse_qs(scope.get("query_string", b"").decode("latin-1")).get("token", [])
+        given = parse_qs(query).get("token", [])
         if any(self.is_token(each) for each in given):
             cookie = f"{COOKIE}={self.access.token}; HttpOnly; SameSite=Strict; Path=/"
             more.append((b"set-cookie", cookie.encode()))
@@ -147,13 +162,6 @@ class Guard:
             await send(message)
 
         return send_with_headers
-
-
-def is_a_visit(method: str, headers: dict[str, str]) -> bool:
-    """Whether somebody follows a link to the page, from another site: that shows the page and gives nothing away."""
-    return (
-        method == "GET" and headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
-    )
 
 
 def cookie_of(headers: dict[str, str]) -> str | None:

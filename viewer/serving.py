@@ -2,6 +2,8 @@
 
 import socket
 from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
 
 import typer
 
@@ -10,25 +12,42 @@ from tasks.boundary import trouble_of
 from viewer.app import build_app
 from viewer.security import Access
 
-
-def serve(store: Path, host: str, port: int, read_only: bool, compare: Path | None, open_page: bool) -> None:
-    """Serve the page of `store` and say where it is. Raises RefusedError without a store, WrongOptionError for a host
-    or port that cannot be listened on."""
+if TYPE_CHECKING:
     import uvicorn
+    from fastapi import FastAPI
 
+
+def serve(
+    store: Path,
+    host: str,
+    port: int,
+    read_only: bool,
+    compare: Path | None,
+    open_page: bool,
+    product: str | None = None,
+) -> None:
+    """Serve the page of `store`, at `product` if one is given, and say where it is. Raises RefusedError without a
+    store, WrongOptionError for a host or port that cannot be listened on."""
     from flows.cli.show import on_a_desk
 
     listening = listening_socket(host, port)
     access = Access(host, listening.getsockname()[1], read_only)
     app = build_app(store, access, compare)
     warm_up(store)
-    config = uvicorn.Config(app, log_level="warning", access_log=False, server_header=False)
-    print(f"planetpose view: {access.url()}  (Ctrl-C ends it)", flush=True)
+    url = access.url() + (f"#{quote(product)}" if product else "")
+    print(f"planetpose view: {url}  (Ctrl-C ends it)", flush=True)
     if not access.is_local:
         print("Everybody who knows this address with its token can use the page; it is not encrypted.", flush=True)
     if open_page and on_a_desk():
-        typer.launch(access.url())
-    uvicorn.Server(config).run(sockets=[listening])
+        typer.launch(url)
+    quiet_server(app).run(sockets=[listening])
+
+
+def quiet_server(app: "FastAPI") -> "uvicorn.Server":
+    """A server of the application that logs warnings alone."""
+    import uvicorn
+
+    return uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False, server_header=False))
 
 
 def warm_up(store: Path) -> None:

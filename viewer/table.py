@@ -11,10 +11,10 @@ import numpy as np
 
 from catalog.errors import WrongOptionError
 from flows.options import BOOKS
-from flows.reprocessing.outcomes import all_outcomes
 from tasks.boundary import PUBLISHED
 from tasks.diagnose.failed_folder import failed_results
 from tasks.guidance.decisions import all_reviews
+from tasks.outcomes import all_outcomes
 from tasks.publish.index import open_index
 from viewer.filters import ALIASES, filtered
 
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 # Texts that few images have to themselves: kept once each.
 REPEATED = ("status", "camera", "target", "pose_source", "profile", "pixel_space", "software", "review")
 LEFT_OUT = ("stamp", "image_sha256", "cube", "overlay", "et")
+SPARKLINES = ("sigma_px", "limb_rms_px")
+RANKED, FEWEST_RANKED = ("sigma_px", "limb_rms_px", "offset_px"), 5
+BESIDE = 4  # images before and after one
 LARGEST_PAGE = 1000
 MOST_POINTS = 20_000
 
@@ -37,6 +40,35 @@ class Page:
     fitting: int
     images: int
     counts: dict[str, int]
+
+
+class Neighbours:
+    """Of every image the values of those that the same camera took before and after it, for sparklines."""
+
+    def __init__(self, table: "pd.DataFrame") -> None:
+        camera = table["camera"].cat.codes.to_numpy()
+        self._order = np.lexsort([table["utc"].to_numpy(dtype="datetime64[us]"), camera])
+        self._place = np.empty_like(self._order)
+        self._place[self._order] = np.arange(len(self._order))
+        self._camera = camera[self._order]
+        self._values = {
+            name: table[name].to_numpy(dtype=np.float32, na_value=np.nan)[self._order] for name in SPARKLINES
+        }
+
+    def of(self, places: Any) -> list[dict[str, list[float | None]]]:
+        """Per image (n,) and column its own value in the middle, those before and after it beside; None where there is
+        none."""
+        if not len(places):
+            return []
+        around = self._place[places][:, None] + np.arange(-BESIDE, BESIDE + 1)
+        inside = (around >= 0) & (around < len(self._order))
+        around = np.clip(around, 0, len(self._order) - 1)
+        inside &= self._camera[around] == self._camera[around[:, BESIDE]][:, None]
+        found = {name: np.where(inside, values[around], np.nan) for name, values in self._values.items()}
+        return [
+            {name: [float(f"{v:.3g}") if np.isfinite(v) else None for v in rows[i]] for name, rows in found.items()}
+            for i in range(len(places))
+        ]
 
 
 class Table:
@@ -57,6 +89,7 @@ class Table:
         with self._lock:
             self.table = table
             self._orders.clear()
+            self._neighbours = Neighbours(table)
             self.places = {name: place for place, name in enumerate(table["product"])}
 
     def note_review(self, product: str, review: str, note: str) -> None:
@@ -79,7 +112,7 @@ class Table:
             chosen = order[max(first, 0) : max(first, 0) + min(max(count, 0), LARGEST_PAGE)]
             counts = self.table["status"].iloc[order].value_counts()
             by_status = {str(name): int(number) for name, number in counts.items() if number}
-            return Page(plain_rows(self.table.iloc[chosen]), len(order), len(self.table), by_status)
+            return Page(self._rows(chosen), len(order), len(self.table), by_status)
 
     def place_in(self, product: str, text: str = "", sort: str = "", down: bool = False) -> int | None:
         """Position of a product among those that fit; None where it does not."""
@@ -91,7 +124,29 @@ class Table:
         """The row of a product; None for another name."""
         with self._lock:
             place = self.places.get(product)
-            return None if place is None else plain_rows(self.table.iloc[[place]])[0]
+            return None if place is None else self._rows(np.array([place]))[0]
+
+    def _rows(self, places: Any) -> list[dict[str, Any]]:
+        rows = plain_rows(self.table.iloc[places])
+        for row, series in zip(rows, self._neighbours.of(places), strict=True):
+            row["neighbours"] = series
+        return rows
+
+    def ranks(self, product: str) -> dict[str, float]:
+        """Of some columns the share of the images of the same camera whose value is smaller than the product's; only
+        where five others have one."""
+        with self._lock:
+            place = self.places.get(product)
+            if place is None:
+                return {}
+            camera = self.table["camera"].cat.codes.to_numpy()
+            found = {}
+            for name in RANKED:
+                values = self.table[name].to_numpy(dtype=np.float64, na_value=np.nan)
+                others = values[(camera == camera[place]) & np.isfinite(values)]
+                if np.isfinite(values[place]) and len(others) > FEWEST_RANKED:
+                    found[name] = float((others < values[place]).sum() / (len(others) - 1))
+            return found
 
     def points(self, x: str, y: str, text: str = "") -> dict[str, Any]:
         """Values of two columns of the images that fit, for a plot; of very many, every n-th. Raises WrongOptionError
@@ -135,12 +190,21 @@ def prepared(store: Path) -> "pd.DataFrame":
         more = pd.DataFrame(others, columns=list(SHOWN_OF_OUTCOMES))
         more["utc"] = pd.to_datetime(more["utc"], utc=True, format="ISO8601").astype(table["utc"].dtype)
         table = pd.concat([table, more.astype({"product": "str"})], ignore_index=True)
+    table["worst"] = worst_of(table)
     reviews = all_reviews(store)
     for place, name in enumerate(("review", "note")):
         table[name] = [reviews.get(product, ("", ""))[place] for product in table["product"]]
     for name in REPEATED:
         table[name] = table[name].astype("category")
     return table
+
+
+def worst_of(table: "pd.DataFrame") -> Any:
+    """(n,) by which the images that want a look come first: those without a product, doubtful ones, then ok ones
+    (thousands), each by the larger of sigma of the centre and limb residual, px."""
+    verdict = table["status"].map({"ok": 0.0, "doubtful": 1.0}).fillna(2.0).to_numpy(dtype=np.float64)
+    errors = table[["sigma_px", "limb_rms_px"]].max(axis=1).fillna(0.0).to_numpy(dtype=np.float64)
+    return 1000.0 * verdict + np.minimum(errors, 999.0)
 
 
 SHOWN_OF_OUTCOMES = ("product", "status", "reason", "utc", "camera", "target", "profile")

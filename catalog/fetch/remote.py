@@ -91,7 +91,7 @@ def version_now(address: str, known: RemoteImage) -> str:
         label = known.label if known.label not in label_names(Path(address)) else next(iter(names), None)
         other = version_of(item_of(address_beside(address, label), default_mirror()).source) if label else ""
     except TransferError as error:
-        raise _failure(address, str(error), error.passing) from error
+        raise _failure(address, str(error)) from _cause(error)
     return f"{found} {label} {other}" if label else found
 
 
@@ -106,7 +106,7 @@ def other_name(address: str, path: Path) -> str | None:
     try:
         there = names_at(source, wanted)
     except TransferError as error:
-        raise _failure(address, str(error), error.passing) from error
+        raise _failure(address, str(error)) from _cause(error)
     for name in set(wanted) - set(there):
         (path.parent / name).unlink(missing_ok=True)
     return there[0] if there else None
@@ -121,7 +121,7 @@ def have(address: str, archive: Path, sha256: str | None = None) -> str:
         try:
             version = version_of(item.source)
         except TransferError as error:
-            raise _failure(address, str(error), error.passing) from error
+            raise _failure(address, str(error)) from _cause(error)
         if path.is_file() and _read(note) == {"version": version, "source": item.source, "mtime": path.stat().st_mtime}:
             return version
         known = Ledger(note.parent)
@@ -131,15 +131,19 @@ def have(address: str, archive: Path, sha256: str | None = None) -> str:
             _write(note, {"version": version, "source": item.source, "mtime": path.stat().st_mtime})
             return version
         if not reason.startswith(BUSY) or time.monotonic() > deadline:
-            raise _failure(address, reason, outcome.passing or reason.startswith(BUSY))
+            fault = TransferError("transfer", reason, outcome.passing or reason.startswith(BUSY))
+            raise _failure(address, reason) from _cause(fault)
         time.sleep(WAIT_S)  # another process of this machine fetches it
 
 
-def _failure(address: str, reason: str, passing: bool) -> FailedError:
+def _failure(address: str, reason: str) -> FailedError:
     remedy = "Check the address." if MISSING in reason else "Run it again (it goes on where it stopped)."
-    error = FailedError(Reason.NOT_FETCHED, f"{address}: {reason}.", remedy)
-    error.__cause__ = ConnectionError(reason) if passing else None
-    return error
+    return FailedError(Reason.NOT_FETCHED, f"{address}: {reason}.", remedy)
+
+
+def _cause(error: TransferError) -> Exception:
+    """What says of a failure whether it can pass."""
+    return ConnectionError(str(error)) if error.passing else error
 
 
 def _note_of(path: Path, archive: Path, what: str = "image") -> Path:

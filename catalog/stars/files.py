@@ -2,7 +2,8 @@
 
 Of Parquet and FITS a cone reads only what it needs: row groups whose declinations (and, where the cone holds no pole,
 right ascensions) may be in it, and then the columns that are used; of FITS the two columns of the directions first. CSV
-and VOTable are text from end to end and are read once.
+and VOTable are text from end to end. Small ones are read once and remembered; a large CSV file is read in pieces of
+which the cone's stars are kept, and those of a somewhat wider one for what is asked next; a large VOTable is refused.
 """
 
 from collections.abc import Mapping
@@ -27,6 +28,10 @@ SUFFIXES = {
 }  # fmt: skip
 MAX_BYTES = 200_000_000_000
 MOST_STARS = 20_000_000  # that are kept in memory
+# Text files that are read whole, and VOTables at most: parsed, they take about ten times as much memory.
+WHOLE_TEXT_BYTES, MOST_VOTABLE_BYTES = 100_000_000, 500_000_000
+ROWS_AT_ONCE = 200_000
+WIDER_SHARE, WIDER_DEG = 1.1, 1.0  # of a cone of a large CSV file: a search's later cones lie about its first one
 NARROWER = "give --near and --cone-deg, and sort the file by declination"
 DEFAULT_EPOCH = 2000.0
 Columns = dict[str, NDArray[Any]]
@@ -69,8 +74,13 @@ class FileCatalog:
             return _of_parquet(self.path, self.columns, cone)
         if kind == "fits":
             return _of_fits(self.path, self.columns, cone)
-        stat = self.path.stat()
-        return _of_text(self.path, kind, tuple(sorted(self.columns.items())), (stat.st_mtime_ns, stat.st_size))
+        stat, given = self.path.stat(), tuple(sorted(self.columns.items()))
+        stamp = (stat.st_mtime_ns, stat.st_size)
+        if kind == "votable" and stat.st_size > MOST_VOTABLE_BYTES:
+            raise ValueError(f"a VOTable is read whole, and {stat.st_size} bytes are too many; save it as Parquet")
+        if kind == "csv" and stat.st_size > WHOLE_TEXT_BYTES:
+            return _pieces_of(self.path, given, stamp).within(cone)
+        return _of_text(self.path, kind, given, stamp)
 
     def _table(self, columns: Columns, cone: Cone | None) -> StarTable:
         values = {key: _numbers(column) for key, column in columns.items() if key not in ("ident", "epoch")}
@@ -186,12 +196,77 @@ def _of_text(path: Path, kind: str, given: tuple[tuple[str, str], ...], _: tuple
         table = parse_single_table(path, verify="ignore").to_table(use_names_over_ids=True)
         names = column_map(table.colnames, dict(given), str(path))
         return {key: np.ma.asarray(table[name]) for key, name in names.items()}
+    content = _read_csv(path)
+    names = column_map([str(name).strip() for name in content.columns], dict(given), str(path))
+    return _columns_of(content, names)
+
+
+def _read_csv(path: Path, **more: Any) -> Any:
+    """A data frame, or with `chunksize` an iterator of such."""
     import pandas as pd
 
-    content = pd.read_csv(path, sep="\t" if path.suffix.lower() == ".tsv" else ",", comment="#", skipinitialspace=True)
+    return pd.read_csv(
+        path, sep="\t" if path.suffix.lower() == ".tsv" else ",", comment="#", skipinitialspace=True, **more
+    )
+
+
+def _columns_of(content: Any, names: Mapping[str, str]) -> Columns:
+    import pandas as pd
+
     content.columns = [str(name).strip() for name in content.columns]
-    names = column_map(list(content.columns), dict(given), str(path))
     return {
         key: (content[name] if key == "ident" else pd.to_numeric(content[name], errors="coerce")).to_numpy()
         for key, name in names.items()
     }
+
+
+@dataclass
+class _Pieces:
+    """A large CSV file, read piece by piece for a cone. last: the cone that was read last, and its stars."""
+
+    path: Path
+    given: Mapping[str, str]
+    last: tuple[Cone | None, Columns] | None = None
+
+    def within(self, cone: Cone | None) -> Columns:
+        """Stars of a cone at least, or all. Raises ValueError where those are more than may be kept."""
+        if self.last is None or not _holds(self.last[0], cone):
+            wider = cone and Cone(cone.axis, min(cone.radius_deg * WIDER_SHARE + WIDER_DEG, 180.0))
+            self.last = (wider, self._read(wider))
+        return self.last[1]
+
+    def _read(self, cone: Cone | None) -> Columns:
+        head = [str(name) for name in _read_csv(self.path, nrows=0).columns]
+        names = column_map([name.strip() for name in head], self.given, str(self.path))
+        used = [name for name in head if name.strip() in names.values()]
+        kept: list[Columns] = []
+        rows = stars = 0
+        with _read_csv(self.path, usecols=used, chunksize=ROWS_AT_ONCE) as pieces:
+            for piece in pieces:
+                count, columns = len(piece), _columns_of(piece, names)
+                # Stars without a name have the number of their row.
+                columns.setdefault("ident", np.arange(rows, rows + count))
+                rows += count
+                inside = np.ones(count, bool)
+                if cone is not None:
+                    directions = unit_vectors(columns["ra_deg"], columns["dec_deg"])
+                    inside = directions @ cone.axis >= np.cos(np.radians(cone.radius_deg))
+                kept.append({key: column[inside] for key, column in columns.items()})
+                stars += int(inside.sum())
+                if stars > MOST_STARS:
+                    raise ValueError(f"more than {MOST_STARS} stars are in it; give --near and --cone-deg")
+        return {key: np.concatenate([piece[key] for piece in kept]) for key in kept[0]}
+
+
+def _holds(whole: Cone | None, part: Cone | None) -> bool:
+    """Whether a cone, or the sky, holds another."""
+    if whole is None or part is None:
+        return whole is None
+    apart = np.degrees(np.arccos(np.clip(whole.axis @ part.axis, -1, 1)))
+    return bool(apart + part.radius_deg <= whole.radius_deg or whole.radius_deg >= 180)
+
+
+@lru_cache(maxsize=2)
+def _pieces_of(path: Path, given: tuple[tuple[str, str], ...], _: tuple[int, int]) -> _Pieces:
+    """The last two large CSV files are remembered."""
+    return _Pieces(path, dict(given))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from flows.cli.options import Json, Quiet, add_command, refuse_useless_kernels, wrong_usage
-from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions
+from flows.map_options import ControlOptions, ImproveMapOptions, MosaicOptions, PhotometryOptions
 from flows.options import (
     AdjustOptions,
     CheckOptions,
@@ -15,7 +15,6 @@ from flows.options import (
     FetchOptions,
     KernelsOptions,
     Options,
-    PhotometryOptions,
     ReportOptions,
 )
 from flows.star_options import AstrometryOptions, StarsOptions

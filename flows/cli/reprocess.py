@@ -26,10 +26,10 @@ def reprocess(
     from flows.cli.correct import usable_profile
     from flows.cli.output import clean_stdout, end_process, log_to_stderr, write_json
     from flows.progress import json_reporter, reporter
-    from flows.reprocessing.tally import in_words
     from flows.run import run_reprocess
     from local_server.prefect_settings import server_choice
     from tasks.objectstore.places import usable_place_of
+    from tasks.run_tally import in_words
 
     with wrong_usage("--store"):
         usable_place_of(options.store)
@@ -56,14 +56,15 @@ def reprocess(
 def print_plan(options: ReprocessOptions, stream: TextIO, json: bool) -> None:
     """Print what would be done, and why."""
     from flows.cli.output import write_json
-    from flows.reprocessing.planning import plans_in_words
+    from flows.reprocessing.planning import Planned
     from flows.reprocessing.run import planned
 
-    _, plans = planned(options)
-    for plan in plans:
+    found = Planned()
+    for plan in planned(options)[1]:
+        found.add(plan)
         if json:
             write_json(stream, {"product": plan.request.product, "do": plan.do, "why": plan.why})
         elif plan.do:
             print(f"{plan.request.product}: {plan.why}", file=stream)
     if not json:
-        print(plans_in_words(plans), file=stream)
+        print(found.in_words(), file=stream)

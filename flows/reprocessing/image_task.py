@@ -19,9 +19,9 @@ from catalog.fetch.remote import image_had
 from catalog.lists.location import address_in
 from catalog.settings import archive_folder, cache_folder
 from catalog.times import now_utc
+from flows.flow_run import current_run
 from flows.options import BOOKS, ReprocessOptions, processors
 from flows.progress import STEPS_LOGGER, Reporter, Silent, audience
-from flows.reprocessing.outcomes import Outcome, write_outcome
 from flows.reprocessing.planning import Plan
 from flows.reprocessing.pool import LostError, Message, Pool, pool
 from flows.reprocessing.worker import DIGESTS, sweep_claims
@@ -29,7 +29,9 @@ from flows.request import Request
 from flows.runners import THREADS
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
+from tasks.guidance.prefect_run import note_run
 from tasks.objectstore.places import place_of
+from tasks.outcomes import Outcome, write_outcome
 
 Job = dict[str, Any]
 
@@ -68,6 +70,7 @@ def perform(product: str, job: Job) -> State[None]:
         return Failed(message=f"{product}: {error.reason}")
     except (OSError, FailedError) as error:  # what it came to could not be written into the store
         raise PassingFaultError(f"{product}: {error}") from error
+    note_run(Path(job["request"]["store"]), product, current_run())
     if outcome.passing:
         raise PassingFaultError(f"{product}: {outcome.reason}")
     message = f"{product}: {outcome.status}" + (f": {outcome.reason}" if outcome.reason else "")
@@ -91,6 +94,7 @@ def job_of(plan: Plan, options: ReprocessOptions, run: str) -> Job:
         "tries": last.tries if last and last.passing and not plan.changed else 0,
         "cache": str(options.cache) if options.cache and not address_in(options.cache) else None,
         "trace": without_results(plan.trace),
+        "fingerprint": plan.fingerprint,
         "image_timeout_s": options.image_timeout_s,
         "image_memory_mb": options.image_memory_mb,
         "digests": str(options.steps_cache / DIGESTS),
@@ -151,6 +155,7 @@ def outcome_of(job: Job, end: Message) -> Outcome:
     result, steps = end["result"], end["steps"]
     return replace(
         known_beforehand(job, result["status"]),
+        fingerprint=job.get("fingerprint") if result["status"] in PUBLISHED else None,
         peak_mb=max((step["peak_mb"] for step in steps.values() if step.get("peak_mb")), default=None),
         steps=steps,
         **{name: end[name] for name in ("passing", "key", "seconds", "cpu_s")},

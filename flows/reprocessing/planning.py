@@ -1,6 +1,8 @@
 """What has to be done for an image, and why."""
 
-from collections.abc import Sequence
+import os
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -10,19 +12,20 @@ from catalog.input_file import digest_of
 from catalog.spice import KernelLists
 from flows.chain import Chain, NotCachedError
 from flows.options import ReprocessOptions
-from flows.reprocessing.outcomes import Outcome, read_outcome, read_trace
+from flows.reprocessing.fingerprint import Fingerprints
 from flows.request import Request
 from flows.trace import changes, known_chain, trace_of
 from tasks.boundary import PUBLISHED
 from tasks.fields import Json
 from tasks.objectstore.publishing import origin_at, product_fault_at
+from tasks.outcomes import Outcome, read_outcome, read_trace
 from tasks.publish.checksums import CHECKSUMS, checksum_faults, read_checksums
 from tasks.publish.origin import OTHER_IMAGE, refuse_other_image
 from tasks.record import read_record
 from tasks.registry import PUBLISH
 
 IMAGE_MISSING = "image-missing"
-SHOWN = 4
+SHOWN, SHOWN_PRODUCTS = 4, 20
 TRIES = 3  # runs that take up an image that hung, or whose process died, while nothing about it changes
 
 
@@ -30,7 +33,7 @@ TRIES = 3  # runs that take up an image that hung, or whose process died, while 
 class Plan:
     """do: whether the image is to be done. why: the reason, for people. image: digest of the image's file, or its fault
     when it cannot be read. changed: whether it is another reason than a fault that may pass. trace: of its steps, as
-    far as they are known now. last: what is remembered of it."""
+    far as they are known now. last: what is remembered of it. fingerprint: of what it would be made from."""
 
     request: Request
     do: bool
@@ -39,11 +42,18 @@ class Plan:
     changed: bool = True
     trace: Json = field(default_factory=dict)
     last: Outcome | None = None
+    fingerprint: str | None = None
 
 
-def plan_of(request: Request, options: ReprocessOptions, kernels: KernelLists | None = None) -> Plan:
-    """Whether to do an image, and why: by the keys of its steps, as `correct` has them."""
-    last = read_outcome(options.books, request.product, request.image_place)
+def plan_of(
+    request: Request,
+    options: ReprocessOptions,
+    kernels: KernelLists | None = None,
+    fingerprints: Fingerprints | None = None,
+) -> Plan:
+    """Whether to do an image, and why: by the keys of its steps, as `correct` has them; where its fingerprint is that
+    of its last outcome, it is unchanged without them."""
+    last, kernels = read_outcome(options.books, request.product, request.image_place), kernels or KernelLists()
     if request.addresses and request.addresses.of(request.image):
         if last is None or last.source is None:
             return Plan(request, True, "new" if last is None else "changed: its file was not had", "", last=last)
@@ -54,26 +64,33 @@ def plan_of(request: Request, options: ReprocessOptions, kernels: KernelLists | 
         if absent is None:
             return Plan(request, True, "changed: image", "", last=last)
         with standing_in(*absent):
-            return plan_by_steps(request, options, kernels, last)
-    return plan_by_steps(request, options, kernels, last)
+            return plan_by_steps(request, options, last, kernels)
+    fingerprint = fingerprints.of(request) if fingerprints is not None else None
+    same = last is not None and last.status in PUBLISHED and fingerprint == last.fingerprint is not None
+    if last is not None and same and other_reason(request, options, last) is None:
+        return Plan(request, False, unchanged(last), str(last.image_sha256), False, {}, last, fingerprint)
+    return replace(plan_by_steps(request, options, last, kernels), fingerprint=fingerprint)
 
 
-def plan_by_steps(
-    request: Request, options: ReprocessOptions, kernels: KernelLists | None, last: Outcome | None
-) -> Plan:
-    """The same, once the image is here, or known."""
+def plan_by_steps(request: Request, options: ReprocessOptions, last: Outcome | None, kernels: KernelLists) -> Plan:
+    """The same by the keys of its steps."""
     image = image_or_fault(request)
     name = reason_of_name(request, image, last)
     if last is None or name:
         return Plan(request, True, name or new_in_words(image), image, last=last)
     trace = read_trace(options.books, last)
-    chain, ended_by = known_chain(request, trace, kernels or KernelLists())
+    chain, ended_by = known_chain(request, trace, kernels)
     plan = Plan(request, True, "", image, trace=trace_of(chain), last=last)
     changed = reason_of_change(chain, ended_by, last, trace)
     if changed:
         return replace(plan, why=changed)
     other = other_reason(request, options, last)
-    return replace(plan, do=other is not None, why=other or f"unchanged ({last.status})", changed=False)
+    return replace(plan, do=other is not None, why=other or unchanged(last), changed=False)
+
+
+def unchanged(last: Outcome) -> str:
+    """Why an image is left as it is."""
+    return f"unchanged ({last.status})"
 
 
 def image_or_fault(request: Request) -> str:
@@ -175,20 +192,47 @@ def missing_files(folder: Path) -> list[str]:
         names = read_checksums(folder)
     except (OSError, ValueError) as error:
         return [f"{CHECKSUMS} cannot be read: {error}"]
-    return [f"{name} is missing" for name in names if not has_content(folder / name)]
+    return [f"{name} is missing" for name in names if not has_content(os.path.join(folder, name))]
 
 
-def has_content(path: Path) -> bool:
+def has_content(path: str) -> bool:
     """Whether a file is there and not empty."""
     try:
-        return path.stat().st_size > 0
+        return os.stat(path).st_size > 0
     except OSError:
         return False
 
 
-def plans_in_words(plans: Sequence[Plan]) -> str:
-    """How many images would be done, and of how many of them the file is not there."""
-    wanted = [plan for plan in plans if plan.do]
-    missing = sum(is_missing(plan.image) for plan in wanted)
-    words = f"{len(wanted)} of {len(plans)} images would be done"
-    return f"{words}; the files of {missing} are missing (--fetch gets those with an address)" if missing else words
+class Planned:
+    """What a list's plans come to: how many images there are and would be done, of how many of them the file is not
+    there, why, and the first products."""
+
+    def __init__(self) -> None:
+        self.images, self.wanted, self.missing = 0, 0, 0
+        self.why: Counter[str] = Counter()
+        self.products: list[str] = []
+
+    def add(self, plan: Plan) -> None:
+        """Count an image."""
+        self.images += 1
+        if not plan.do:
+            return
+        self.wanted += 1
+        self.missing += is_missing(plan.image)
+        self.why[plan.why] += 1
+        if len(self.products) < SHOWN_PRODUCTS:
+            self.products.append(plan.request.product)
+
+    def in_words(self) -> str:
+        """How many images would be done, and of how many of them the file is not there."""
+        words = f"{self.wanted} of {self.images} images would be done"
+        remedy = f"; the files of {self.missing} are missing (--fetch gets those with an address)"
+        return words + (remedy if self.missing else "")
+
+
+def plans_in_words(plans: Iterable[Plan]) -> str:
+    """`Planned.in_words` of plans."""
+    found = Planned()
+    for plan in plans:
+        found.add(plan)
+    return found.in_words()

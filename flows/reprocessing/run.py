@@ -4,6 +4,7 @@ import logging
 import time
 import uuid
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from functools import cached_property
@@ -13,21 +14,21 @@ from typing import Any
 from catalog.digest import digests_to_save, remember_digests
 from catalog.errors import FailedError, PlanetposeError
 from catalog.settings import default_kernels
-from catalog.spice import KernelLists
 from flows.options import BOOKS, ReprocessOptions, absolute
-from flows.reprocessing.outcomes import Outcome, names_of, read_outcome
-from flows.reprocessing.planning import Plan, plan_of
-from flows.reprocessing.tally import Tally, row_of, write_tables
+from flows.reprocessing.planners import each_plan
+from flows.reprocessing.planning import Plan
 from flows.reprocessing.worker import DIGESTS, sweep_claims
 from flows.request import Request
-from flows.requests import fetch_missing, listed, requests_of_list
+from flows.requests import each_request, fetch_missing, listed, requests_of_list
 from tasks.atomic import file_put_in_place, sweep_temporaries
 from tasks.boundary import PUBLISHED
 from tasks.cache import prune, sweep_cache
 from tasks.diagnose.failed_folder import FAILED
 from tasks.objectstore.places import index_object_store, index_store, place_of
 from tasks.objectstore.state import IMAGES, RUNS, TRACES, pull_files, pull_state, push_files
+from tasks.outcomes import Outcome, names_of, read_outcome, write_outcome
 from tasks.publish.origin import note_place
+from tasks.run_tally import Tally, row_of, write_tables
 
 logger = logging.getLogger("planetpose")
 
@@ -45,18 +46,27 @@ class Run:
 
     def plans(self) -> Iterator[Plan]:
         """The plan of every image, in the list's order, made when it is needed."""
-        kernels = KernelLists()
-        for request in self.requests:
-            plan = plan_of(request, self.options, kernels)
+        for plan in each_plan(self.requests, len(self.requests), self.options):
             if plan.do:
-                self.why[request.product] = plan.why
+                self.why[plan.request.product] = plan.why
             yield plan
 
     def leave(self, plan: Plan) -> None:
         """Count an image that need not be done; its product remembers where it lies now."""
         self.tally.add(plan.last, done=False)
         if plan.last is not None and plan.last.status in PUBLISHED:
+            if plan.fingerprint == plan.last.fingerprint is not None:
+                return  # the place too is what it was
             note_place(plan.request.product_folder, plan.request.image_place, plan.image)
+            self.note_fingerprint(plan, plan.last)
+
+    def note_fingerprint(self, plan: Plan, last: Outcome) -> None:
+        """Remember what an unchanged image was found to be made from, so that the next plan is quick."""
+        books, product = self.options.books, plan.request.product
+        if plan.fingerprint is None or read_outcome(books, product, plan.request.image_place) != last:
+            return  # another run did it meanwhile
+        with suppress(OSError):
+            write_outcome(books, replace(last, fingerprint=plan.fingerprint))
 
     def outcome_of_this_run(self, product: str) -> Outcome | None:
         """What became of a product of the run since it began, be it by another run at the same time; None when it was
@@ -121,14 +131,15 @@ def sweep(store: Path, cache: Path) -> None:
     sweep_cache(cache)
 
 
-def planned(options: ReprocessOptions) -> tuple[Run, list[Plan]]:
-    """A run and the plan of all its images, for people who want to know beforehand; nothing is written."""
+def planned(options: ReprocessOptions) -> tuple[int, Iterator[Plan]]:
+    """How many images a list has, and their plans, each made when it is wanted, for people who want to know beforehand;
+    nothing is written. Raises RefusedError as `requests_of_list`."""
     options = for_any_folder(options)
     remember_digests(options.steps_cache / DIGESTS)
-    requests = requests_of_list(options)
+    found = listed(options)
     pull_state(place_of(options.store).publish_to, options.books)
-    run = Run(options, "dry", requests, Tally(len(requests)))
-    return run, [replace(plan, trace={}, last=None) for plan in run.plans()]
+    requests = each_request(found, options)
+    return len(found.entries), each_plan(requests, len(found.entries), options)
 
 
 def save_digests() -> None:
@@ -165,7 +176,7 @@ def finish(run: Run) -> dict[str, Any]:
         "parameters": parameters_of(options),
     }
     try:
-        summary["table"] = str(write_tables(options, run.name, summary, rows_of(run)))
+        summary["table"] = str(write_tables(options.folder, options.books, run.name, summary, rows_of(run)))
         tables = [f"{RUNS}/{run.name}{end}" for end in (".csv", ".json")]
         push_files(place_of(options.store).publish_to, options.books, tables)
     except (OSError, FailedError) as error:

@@ -11,6 +11,7 @@ from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
 from lab.maps.command import control, improve_map, mosaic
 from lab.rehearsal.command import deploy, throughput
+from lab.scale.command import scale
 from lab.stars.command import stars
 
 
@@ -34,6 +35,7 @@ def register(app: typer.Typer) -> None:
     group.command()(reprocess)
     group.command()(deploy)
     group.command()(throughput)
+    group.command()(scale)
     group.command()(stars)
     app.add_typer(group, name="benchmark")
 

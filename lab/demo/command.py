@@ -50,5 +50,7 @@ def demo(
             for row in rows:
                 write_json(answer, row.to_dict())
         else:
-            print(f"\n{demo_table(rows)}\n\n{time.monotonic() - started:.0f} s; products in {folder}", file=answer)
+            products = folder / "products"
+            took = f"{time.monotonic() - started:.0f} s; products in {products}"
+            print(f"\n{demo_table(rows)}\n\n{took}\nLook at them: planetpose view {products}", file=answer)
     sys.exit(exit_status([row.result for row in rows]))

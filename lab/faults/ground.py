@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flows.options import BOOKS
-from flows.reprocessing.outcomes import all_outcomes
 from flows.reprocessing.worker import CLAIMS
 from lab.faults.processes import Command
 from lab.simulate.small_archive import LIST, PROFILE_FILE, write_small_archive
 from tasks.atomic import TEMPORARY_SUFFIX
+from tasks.outcomes import all_outcomes
 from tasks.publish.checksums import read_checksums
 
 ARRAYS = "/c/"  # chunks of arrays in a cube: the same for the same pose, unlike times and seconds

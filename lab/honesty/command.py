@@ -13,6 +13,7 @@ def honesty(
     scenes: Annotated[int | None, typer.Option(min=1, help="About so many, spread over all kinds.")] = None,
     group: Annotated[list[str] | None, typer.Option(help="This group of scenes; repeat for more.")] = None,
     only: Annotated[list[str] | None, typer.Option(help="This scene; repeat for more.")] = None,
+    draw: Annotated[int, typer.Option(min=0, max=1000, help="Another number draws other scenes of the groups.")] = 0,
     profile: Annotated[str, typer.Option(help="Name, or FILE.toml.")] = DEFAULT_PROFILE,
     workers: Annotated[int, typer.Option(min=1, help="Scenes at a time, each in its own process.")] = 2,
     minutes: Annotated[float | None, typer.Option(min=0, help="Begin no scene later than that.")] = None,
@@ -46,7 +47,7 @@ def honesty(
 
     log_to_stderr()
     with clean_stdout() as answer:
-        chosen = chosen_scenes(scenes, group or (), only or ())
+        chosen = chosen_scenes(scenes, group or (), only or (), draw)
         rows = run_scenes(chosen, usable_profile(profile, None), out, workers, minutes, keep, tell)
         figures = summary(rows)
         (out / "honesty.json").write_text(dumps(figures, indent=1, allow_nan=False) + "\n", encoding="utf-8")

@@ -11,6 +11,7 @@ from catalog.target import find_target
 from lab.honesty.scene import (
     ATTITUDE_SIGMA_DEG,
     CUT_SIGMAS,
+    FOCAL_SIGMA,
     GOOD_ATTITUDE_SIGMA_DEG,
     GOOD_RANGE_SIGMA,
     LENSES,
@@ -109,8 +110,9 @@ def cut_normal(random: np.random.Generator, sigma: float, size: int | None = Non
 
 def planted_errors(scene: Scene) -> dict[str, Any]:
     """What the metadata get wrong: offset_px (2,) and roll_deg of the camera, range_factor, attitude_deg (3,) rotation
-    vector of the body in its frame, sun_off_deg, focal_error. Range and attitude are drawn from what a pose file is
-    assumed to be good for, or a kernel; an offset of 5-40 px has any direction."""
+    vector of the body in its frame, sun_off_deg, focal_error (that of every camera file beside the scene's own). Range
+    and attitude are drawn from what a pose file is assumed to be good for, or a kernel; an offset of 5-40 px has any
+    direction."""
     random = random_of(scene, 1)
     good = scene.metadata == "good"
     range_sigma = GOOD_RANGE_SIGMA if good else RANGE_SIGMA
@@ -125,7 +127,7 @@ def planted_errors(scene: Scene) -> dict[str, Any]:
         "range_factor": 1 + cut_normal(random, range_sigma),
         "attitude_deg": [float(a) for a in attitude],
         "sun_off_deg": scene.sun_off_deg,
-        "focal_error": scene.focal_error,
+        "focal_error": scene.focal_error + cut_normal(random_of(scene, 7), FOCAL_SIGMA),
     }
 
 
@@ -155,5 +157,5 @@ def predicted_geometry(scene: Scene, true: Geometry, errors: dict[str, Any]) -> 
         target_from_spacecraft_km=true.target_from_spacecraft_km * factor,
         sun_from_target_km=sun,
         body_from_j2000=body,
-        focal_px=true.focal_px * (1 + scene.focal_error),
+        focal_px=true.focal_px * (1 + errors["focal_error"]),
     )

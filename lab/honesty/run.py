@@ -70,10 +70,13 @@ def code_digest() -> str:
     return sha256_of_json({path.relative_to(ROOT).as_posix(): sha256_of_file(path) for path in paths})
 
 
-def chosen_scenes(count: int | None, groups: Sequence[str] = (), only: Sequence[str] = ()) -> list[Scene]:
-    """Scenes of the table: those of `groups` and `only`, all without; of them `count`, spread over groups, sizes and
-    laws. Groups take turns, so that the first part of the list is like the whole."""
-    wanted = [scene for scene in all_scenes() if (scene.group in groups or scene.id in only) or not (groups or only)]
+def chosen_scenes(
+    count: int | None, groups: Sequence[str] = (), only: Sequence[str] = (), draw: int = 0
+) -> list[Scene]:
+    """Scenes of the table of a draw: those of `groups` and `only`, all without; of them `count`, spread over groups,
+    sizes and laws. Groups take turns, so that the first part of the list is like the whole."""
+    table = all_scenes(draw)
+    wanted = [scene for scene in table if (scene.group in groups or scene.id in only) or not (groups or only)]
     by_group: dict[str, list[Scene]] = {}
     for scene in wanted:
         by_group.setdefault(scene.group, []).append(scene)

@@ -11,12 +11,17 @@ from lab.honesty.table_surfaces import GROUPS
 __all__ = ["GROUPS", "all_scenes"]
 
 
+# Seeds of another draw's scenes are so far from those of this one.
+APART = 1_000_000
+
+
 @cache
-def all_scenes() -> tuple[Scene, ...]:
-    """Every scene, in the order of groups."""
+def all_scenes(draw: int = 0) -> tuple[Scene, ...]:
+    """Every scene, in the order of groups. draw: another number draws all that is random anew, of the same groups."""
     scenes: list[Scene] = []
     for number, (name, function) in enumerate(GROUPS.items()):
-        random = np.random.default_rng([MASTER_SEED, 7, number])
+        random = np.random.default_rng([MASTER_SEED, 7, number, *([draw] if draw else [])])
         for place, fields in enumerate(function(random)):
-            scenes.append(Scene(f"{name}-{place:03d}", name, 1000 * (number + 1) + place, **fields))
+            seed = 1000 * (number + 1) + place + APART * draw
+            scenes.append(Scene(f"{name}-{place:03d}", name, seed, **fields))
     return tuple(scenes)

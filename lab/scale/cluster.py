@@ -3,10 +3,13 @@
 import os
 import shutil
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 
+import psutil
+
 from catalog.children import our_command, their_module
-from lab.rehearsal.processes import Session, wait_until
+from lab.rehearsal.processes import Session, descendants, wait_until
 from local_server.server import free_port
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
@@ -39,9 +42,20 @@ class Cluster:
         self.workers[number] = self._worker(number)
 
     def lose_scheduler(self) -> None:
-        """kill -9 the scheduler; a new one, which knows nothing, comes in its place, and its workers."""
+        """kill -9 the scheduler; a new one, which knows nothing, comes in its place. Workers end with it."""
         self.scheduler.lose()
         self.scheduler = self._scheduler()
+
+    def tend(self) -> None:
+        """Start workers anew that have ended, as a service manager does."""
+        for number, worker in enumerate(self.workers):
+            if worker.process.poll() is not None:
+                worker.lose()
+                self.workers[number] = self._worker(number)
+
+    def processor_s(self) -> float:
+        """Processor seconds of the workers that run and of what they started and is not at work any more."""
+        return sum(processor_s_of(worker.process.pid) for worker in self.workers)
 
     def end(self) -> None:
         """End all."""
@@ -65,6 +79,16 @@ class Cluster:
             "--local-directory", str(place / "tmp"), "--death-timeout", "600",
         )  # fmt: skip
         return Session(command, environment, self._folder / f"worker-{number}.log", place)
+
+
+def processor_s_of(pid: int) -> float:
+    """Processor seconds, user and system, of a process and all below it, those that ended included."""
+    total = 0.0
+    for each in (pid, *descendants(pid)):
+        with suppress(psutil.NoSuchProcess):
+            times = psutil.Process(each).cpu_times()
+            total += times.user + times.system + times.children_user + times.children_system
+    return total
 
 
 def reprocess(folder: Path, environment: Mapping[str, str], arguments: list[str]) -> Session:

@@ -16,17 +16,18 @@ from lab.rehearsal.processes import Session, wait_until
 from local_server.server import free_port
 
 BUCKET = "planetpose"
-REQUEST = re.compile(r'"(GET|PUT|HEAD|DELETE|POST) (/\S*) HTTP/1\.1" (\d{3})')
+REQUEST = re.compile(r'\[\S+ (\S+)\] "(?:\x1b\S*m)?(GET|PUT|HEAD|DELETE|POST) (/\S*) HTTP/1\.1(?:\x1b\S*m)?" (\d{3})')
 
 
 @dataclass
 class Requests:
     """What an S3 server was asked. kinds: by method, and `LIST` for listings. records: how often the record of each
-    product was written, which is what says that it is whole."""
+    product was written, which is what says that it is whole. writes: of them, in words."""
 
     kinds: Counter[str] = field(default_factory=Counter)
     places: Counter[str] = field(default_factory=Counter)
     records: Counter[str] = field(default_factory=Counter)
+    writes: list[str] = field(default_factory=list)
 
     def to_dict(self) -> dict[str, int]:
         """Counts by kind."""
@@ -73,12 +74,14 @@ class S3Server:
             log.seek(self._read)
             content = log.read()
             self._read += len(content)
-        for method, target, status in REQUEST.findall(content.decode("utf-8", "replace")):
+        for at, method, target, status in REQUEST.findall(content.decode("utf-8", "replace")):
             path, _, query = target.partition("?")
             found.kinds["LIST" if "list-type=2" in query else method] += 1
             found.places[f"{'LIST' if 'list-type=2' in query else method} {place_in(path, query)}"] += 1
-            if method == "PUT" and path.endswith("/record.json") and status == "200":
-                found.records[path.split("/")[-2]] += 1
+            if path.endswith("/record.json") and method in ("PUT", "DELETE"):
+                product = path.split("/")[-2]
+                found.records[product] += method == "PUT" and status == "200"
+                found.writes.append(f"{at} {method} {product} {status}")
         return found
 
     def end(self) -> None:

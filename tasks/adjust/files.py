@@ -14,6 +14,8 @@ from tasks.atomic import file_put_in_place
 from tasks.publish.contained import reading_product
 from tasks.publish.cube import open_cube
 from tasks.publish.names import CUBE
+from tasks.publish.stars import stars_of_product
+from tasks.stars.separate import orientation_stated
 
 REPORT = "adjust.json"
 
@@ -37,6 +39,7 @@ def measurement_in(folder: Path) -> Measurement:
             Pose.from_dict(attributes["pose_before"]),
             attributes["settings"],
             attributes["provenance"],
+            orientation_stated(stars_of_product(folder)),
         )
 
 

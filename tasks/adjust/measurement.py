@@ -1,7 +1,7 @@
 """One image's joint result as a measurement: what the picture alone says of range, roll, attitude and blur."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +15,7 @@ from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.target import Target
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State
+from tasks.stars.separate import StarOrientation
 
 Array = NDArray[np.float64]
 LIGHT_KM_S = 299792.458
@@ -27,7 +28,9 @@ NOT_JOINT = Reason.NOT_JOINT
 class Measurement:
     """step (8,): from the predicted state to the one the image wants with its range free, covariance (8, 8) its errors,
     both in the order and units of `joint.parameters.NAMES`; sigmas (8,): priors about zero that are part of both, inf
-    where free; held (8,). range_sigma: 1-sigma error of the trajectory, inf when unknown."""
+    where free; held (8,). range_sigma: 1-sigma error of the trajectory, inf when unknown. noise: (8, 8), the part of
+    the errors that another exposure draws anew; zero counts all as shared by the images of a sequence. stars: the
+    camera's orientation by the image's own stars, which the predicted pose then has and the roll is held by."""
 
     product: str
     camera: Camera
@@ -39,6 +42,8 @@ class Measurement:
     sigmas: Array
     held: NDArray[np.bool_]
     range_sigma: float
+    noise: Array = field(default_factory=lambda: np.zeros((len(NAMES),) * 2))
+    stars: StarOrientation | None = None
 
     @property
     def reference(self) -> Array:
@@ -102,7 +107,13 @@ class Measurement:
 
 
 def measurement_of(
-    product: str, camera: Camera, target: Target, predicted: Pose, settings: Mapping[str, Any], provenance: Any
+    product: str,
+    camera: Camera,
+    target: Target,
+    predicted: Pose,
+    settings: Mapping[str, Any],
+    provenance: Any,
+    stars: StarOrientation | None = None,
 ) -> Measurement:
     """The measurement in a cube's attributes. Raises RefusedError when the joint step was not done."""
     joint = _last_joint(product, provenance)
@@ -114,6 +125,8 @@ def measurement_of(
     held = np.zeros(len(NAMES), bool)
     for name in evidence["held"]:
         held[NAMES.index(name)] = True
+    # Roll by stars is no roll of the camera's mounting, and is known better than the disk shows it.
+    held[ROLL] |= stars is not None
     prior = evidence["range_factor_prior_sigma"]
     step = np.array(evidence["predicted_to_free"])
     return Measurement(
@@ -127,6 +140,8 @@ def measurement_of(
         sigmas=sigmas,
         held=held,
         range_sigma=np.inf if prior is None else float(prior),
+        noise=np.array(evidence.get("noise_covariance", np.zeros((len(NAMES),) * 2))),
+        stars=stars,
     )
 
 

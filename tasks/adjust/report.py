@@ -1,6 +1,7 @@
 """The adjustment in plain words: cameras, sequences, images."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,30 +14,48 @@ from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import Measurement
 from tasks.adjust.settings import AdjustSettings
 from tasks.adjust.solve import AT_ATTITUDE, AT_RANGE, AT_ROLL, Adjustment
+from tasks.adjust.target_offset import TargetOffset, camera_sigma_px, pose_with_target, target_offsets
 from tasks.joint.parameters import RANGE, ROLL
 from tasks.plain import plain
+from tasks.stars.separate import TOGETHER
+
+BY_STARS, BY_TARGET, NOT_APART = "stars", "target", None
+WITHOUT_STARS = f"{TOGETHER}: no image of the sequence was corrected with stars (`--stars`)"
 
 
-def adjusted_poses(images: Sequence[Measurement], adjustment: Adjustment) -> list[Pose]:
+@dataclass(frozen=True)
+class Adjusted:
+    """Poses of all images by what they share; offsets: of every sequence's target, None where no image has stars."""
+
+    poses: list[Pose]
+    offsets: list[TargetOffset | None]
+
+
+def adjusted(images: Sequence[Measurement], adjustment: Adjustment) -> Adjusted:
     """Each image's pose by what it shares with the others: the sequence's range bias, roll and attitude, its centre
-    moved along. The camera's focal scale is no part of a pose."""
-    bias = {
-        i: float(adjustment.theta[adjustment.of_sequence(number)][0])
-        for number, positions in enumerate(adjustment.sequences)
-        for i in positions
-    }
-    return [image.state_with(adjustment.shared[i], bias[i]).pose for i, image in enumerate(images)]
+    moved along, and where there are stars the target's offset, the camera following. The camera's focal scale is no
+    part of a pose."""
+    poses = [image.predicted for image in images]
+    for number, positions in enumerate(adjustment.sequences):
+        bias = float(adjustment.theta[adjustment.of_sequence(number)][0])
+        for i in positions:
+            poses[i] = images[i].state_with(adjustment.shared[i], bias).pose
+    offsets = target_offsets(images, poses, adjustment)
+    for positions, offset in zip(adjustment.sequences, offsets, strict=True):
+        for i in positions:
+            poses[i] = poses[i] if offset is None else pose_with_target(images[i], poses[i], offset)
+    return Adjusted(poses, offsets)
 
 
-def report_of(images: Sequence[Measurement], adjustment: Adjustment, settings: AdjustSettings) -> dict[str, Any]:
+def report_of(
+    images: Sequence[Measurement], adjustment: Adjustment, found: Adjusted, settings: AdjustSettings
+) -> dict[str, Any]:
     """Everything that was found, as plain JSON."""
-    from scipy.stats import chi2
-
     factors = mean_factors(images)
     return {
-        "images": image_rows(images, adjustment),
+        "images": image_rows(images, adjustment, found),
         "cameras": camera_rows(images, adjustment),
-        "sequences": sequence_rows(images, adjustment, settings),
+        "sequences": sequence_rows(images, adjustment, found, settings),
         "ties": [
             {
                 "kind": kind,
@@ -50,7 +69,7 @@ def report_of(images: Sequence[Measurement], adjustment: Adjustment, settings: A
         "consistency": {
             "chi_square": adjustment.chi_square,
             "degrees_of_freedom": adjustment.degrees,
-            "probability": float(chi2.sf(adjustment.chi_square, adjustment.degrees)) if adjustment.degrees else None,
+            "probability": probability_of(adjustment.chi_square, adjustment.degrees),
         },
         "range_factors": [
             {
@@ -92,9 +111,9 @@ def camera_rows(images: Sequence[Measurement], adjustment: Adjustment) -> list[d
 
 
 def sequence_rows(
-    images: Sequence[Measurement], adjustment: Adjustment, settings: AdjustSettings
+    images: Sequence[Measurement], adjustment: Adjustment, found: Adjusted, settings: AdjustSettings
 ) -> list[dict[str, Any]]:
-    """Range bias and turn of the target of every sequence, and how well its images agree."""
+    """Range bias, turn and offset of the target of every sequence, and how well its images agree."""
     rows = []
     for number, positions in enumerate(adjustment.sequences):
         place = adjustment.of_sequence(number)
@@ -114,18 +133,46 @@ def sequence_rows(
                 "attitude_about": "rotation model of the catalog" if first.target.rotation else "predicted attitude",
                 "chi_square": float(adjustment.own[positions].sum()),
                 "measurements": int(adjustment.ranks[positions].sum()),
+                "target_offset": offset_row(images, found.offsets[number]),
             }
         )
     return rows
 
 
-def image_rows(images: Sequence[Measurement], adjustment: Adjustment) -> list[dict[str, Any]]:
-    """Every image before and after, relative to its prediction; errors 1-sigma."""
+def offset_row(images: Sequence[Measurement], offset: TargetOffset | None) -> dict[str, Any]:
+    """Where the target of a sequence is, from where ephemeris and trajectory have it; `reason` says why that is not
+    known. residual_px: of each image with stars about it."""
+    if offset is None:
+        return {"offset_km": None, "reason": WITHOUT_STARS}
+    return {
+        "offset_km": plain(offset.offset_km),
+        "covariance_km2": plain(offset.covariance_km2),
+        "sigma_km": plain(np.sqrt(np.diag(offset.covariance_km2))),
+        "images_with_stars": [images[i].product for i in offset.images],
+        "residual_px": plain(offset.residual_px),
+        "chi_square": offset.chi_square,
+        "degrees_of_freedom": offset.degrees,
+        "probability": probability_of(offset.chi_square, offset.degrees),
+        "reason": None,
+    }
+
+
+def probability_of(chi_square: float, degrees: int) -> float | None:
+    """Of a chi-square that is as large or larger; None without degrees of freedom."""
+    from scipy.stats import chi2
+
+    return float(chi2.sf(chi_square, degrees)) if degrees > 0 else None
+
+
+def image_rows(images: Sequence[Measurement], adjustment: Adjustment, found: Adjusted) -> list[dict[str, Any]]:
+    """Every image before and after, relative to its prediction; errors 1-sigma. camera_by: what tells the camera from
+    the target: the image's own stars, the target that stars of other images of the sequence place, or nothing."""
     number_of = {i: number for number, positions in enumerate(adjustment.sequences) for i in positions}
-    poses = adjusted_poses(images, adjustment)
+    poses = found.poses
     rows = []
     for i, image in enumerate(images):
         sigma = np.sqrt(np.diag(adjustment.shared_covariance[i]))
+        offset = found.offsets[number_of[i]]
         bias = adjustment.covariance[adjustment.of_sequence(number_of[i])][:, adjustment.of_sequence(number_of[i])]
         rows.append(
             {
@@ -145,6 +192,8 @@ def image_rows(images: Sequence[Measurement], adjustment: Adjustment) -> list[di
                 "roll_sigma_deg": float(sigma[AT_ROLL]),
                 "attitude_deg": plain(turn_between(image.predicted, poses[i])),
                 "attitude_sigma_deg": plain(sigma[AT_ATTITUDE]),
+                "camera_by": NOT_APART if offset is None else BY_STARS if image.stars is not None else BY_TARGET,
+                "camera_sigma_px": plain(camera_sigma_px(image, offset)),
                 "pose": poses[i].to_dict(),
             }
         )

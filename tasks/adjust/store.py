@@ -9,7 +9,7 @@ from catalog.plain_text import printable
 from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.files import measurement_in, write_adjustment
 from tasks.adjust.measurement import Measurement
-from tasks.adjust.report import adjusted_poses, report_of
+from tasks.adjust.report import adjusted, report_of
 from tasks.boundary import reason_of, trouble_of
 from tasks.publish.check import products_in
 
@@ -35,7 +35,8 @@ def adjust_store(store: Path, settings: AdjustSettings, out: Path | None = None)
             "Correct images with a profile that has the step joint.",
         )
     adjustment = adjust(images, settings)
-    report = {"store": str(store), **report_of(images, adjustment, settings), "left_out": left_out}
+    found = adjusted(images, adjustment)
+    report = {"store": str(store), **report_of(images, adjustment, found, settings), "left_out": left_out}
     if out is not None:
-        write_adjustment(out, images, adjusted_poses(images, adjustment), report)
+        write_adjustment(out, images, found.poses, report)
     return report

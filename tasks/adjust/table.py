@@ -17,6 +17,23 @@ def tie_line(row: dict[str, Any]) -> str:
     return f"{name}: {found} (chi-square {row['chi_square']:.1f} of {row['measurements']} measurements)"
 
 
+def offset_line(row: dict[str, Any]) -> str:
+    """Where a sequence's target is."""
+    found = row["target_offset"]
+    if found["offset_km"] is None:
+        return f"sequence {row['sequence']}: {found['reason']}"
+    parts = " ".join(
+        f"{v:+.1f}+-" + ("?" if s is None else f"{s:.1f}")
+        for v, s in zip(found["offset_km"], found["sigma_km"], strict=True)
+    )
+    chance = "" if found["probability"] is None else f", probability {found['probability']:.2g}"
+    return (
+        f"sequence {row['sequence']}: {row['target']} is off its ephemeris and trajectory by ({parts}) km, J2000, by "
+        f"{len(found['images_with_stars'])} of {len(row['images'])} images with stars (chi-square "
+        f"{found['chi_square']:.1f} of {found['degrees_of_freedom']}{chance})"
+    )
+
+
 def adjustment_table(report: dict[str, Any]) -> str:
     """Text of several lines."""
     lines = ["camera              images  focal scale          roll deg         blur px"]
@@ -36,6 +53,7 @@ def adjustment_table(report: dict[str, Any]) -> str:
             f"{row['range_factor_sigma']:.5f}  {turn}  {row['chi_square']:.1f} of {row['measurements']}  "
             f"{row['images'][0]} ({row['camera']})"
         )
+    lines += ["", *(offset_line(row) for row in report["sequences"])]
     lines += ["", "image                sequence  weight  free range factor    adjusted factor      roll deg"]
     lines += [
         f"{row['product']:<20} {row['sequence']:>8}  {row['weight']:>6.2f}  {row['range_factor_free']:.5f} +- "

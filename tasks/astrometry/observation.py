@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from catalog.plain_files import own_json
 from catalog.reasons import Reason
-from catalog.regular_file import read_regular_text
 from catalog.spice import Kernel
 from catalog.spice_pose import pose_parts_from_loaded
 from catalog.stars.table import ra_dec_deg
 from catalog.times import utc_from_et
 from tasks.kernels.exposure import Exposure, read_exposure, without_aberration
-from tasks.publish.names import RESULT
+from tasks.publish.stars import stars_of_product
 
 Array = NDArray[np.float64]
 Json = dict[str, Any]
@@ -141,12 +139,7 @@ def twist_deg(camera_from_j2000: Array) -> float:
 def observation_in(folder: Path, loaded: list[Kernel]) -> BodyObservation:
     """The observation of a product's folder. loaded: kernels that a `kernel_pool` around the call holds. Raises
     RefusedError for a product without stars: its camera and its target cannot be separated."""
-    exposure, path = read_exposure(folder), folder / RESULT
-    try:
-        stars = own_json(read_regular_text(path)).get("stars") or {}
-    except (OSError, ValueError, AttributeError) as error:
-        fault = f"{path} cannot be read ({error})."
-        raise RefusedError(Reason.PRODUCT_UNREADABLE, fault, "Correct the image again.") from error
+    exposure, stars = read_exposure(folder), stars_of_product(folder)
     if not stars.get("stars"):
         fault = f"{exposure.product}: no stars say where its camera looked"
         why = stars.get("reason") or "it was corrected without --stars"

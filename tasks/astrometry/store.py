@@ -1,4 +1,4 @@
-"""Astrometry of a store: its observations, and the files astrometry.csv, .vot and .ades.xml, and stars.csv."""
+"""Astrometry of a store: its observations, and the files astrometry.csv, .vot, .ades.xml and .png, and stars.csv."""
 
 import csv
 from collections.abc import Sequence
@@ -11,12 +11,14 @@ from catalog.reasons import Reason
 from catalog.spice import kernel_pool
 from tasks.astrometry.ades import ades_of
 from tasks.astrometry.observation import COLUMNS, STAR_COLUMNS, BodyObservation, Row, observation_in
+from tasks.astrometry.picture import draw_observed_less_computed
 from tasks.atomic import file_put_in_place
 from tasks.boundary import reason_of, trouble_of
 from tasks.publish.check import products_in
 from tasks.publish.cube import software_version
 
 TABLE, VOTABLE, ADES, STARS = "astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"
+PICTURE = "astrometry.png"
 
 
 def write_astrometry(
@@ -48,10 +50,11 @@ def write_astrometry(
         (VOTABLE, partial(_write_votable, rows)),
         (ADES, partial(_write_bytes, document)),
         (STARS, partial(_write_csv, STAR_COLUMNS, star_rows(observations))),
+        (PICTURE, partial(draw_observed_less_computed, rows)),
     ):
         with file_put_in_place(out / name) as temporary:
             write(temporary)
-    return rows, left_out, [out / name for name in (TABLE, VOTABLE, ADES, STARS)]
+    return rows, left_out, [out / name for name in (TABLE, VOTABLE, ADES, STARS, PICTURE)]
 
 
 def star_rows(observations: Sequence[BodyObservation]) -> list[Row]:

@@ -13,18 +13,12 @@ from tasks.bodies.placed import Body, bodies_of, in_frame
 from tasks.bodies.seen import seen_by_frame
 from tasks.project.curves import limb
 from tasks.simulate import Scene
+from tasks.simulate.scene import OtherBodiesSettings
 from tasks.simulate.window import Window, target_window
 
 Mask = NDArray[np.bool_]
 
-# Beyond a body's edge its light is left out so far: reach of the blur, in its sigmas, the pixel's own width, and how
-# far its place relative to the target may be off, in sigmas.
-BLUR_SIGMAS, PIXEL_PX, PLACE_SIGMAS = 4.0, 1.0, 3.0
-# Rings and shadows that take less of the light are left alone: less than what base maps are off by (5 %).
-LEAST_LOSS = 0.005
-# A body behind the target is masked from so far beyond the target's limb on, pixels and radii: nearer to it, it is the
-# light that the target hides (`tasks.compare.occulted`), which looks up to so far.
-KEPT_PX, KEPT_RADII, KEPT_SIGMAS = 12.0, 0.05, 4.0
+DEFAULTS = OtherBodiesSettings()
 LIMB_POINTS = 1440
 FIXED_POINT_BITS = 4
 
@@ -37,7 +31,8 @@ def alone(
     the pose may be. keep_behind: leave the light of a body behind the target where the target's limb is before it."""
     if not pose.bodies and not scene.target.rings:
         return observation
-    mask = without_target(pose, scene.camera, scene.target, scene.psf_sigma_px, extra_px, keep_behind)
+    camera, psf, margins = scene.camera, scene.psf_sigma_px, scene.settings.others
+    mask = without_target(pose, camera, scene.target, psf, extra_px, keep_behind, margins)
     if not mask.any():
         return observation
     flag = np.where(mask, np.uint16(Quality.OTHER_BODY), np.uint16(0))
@@ -45,17 +40,23 @@ def alone(
 
 
 def without_target(
-    pose: Pose, camera: Camera, target: Target, psf_sigma_px: float, extra_px: float = 0.0, keep_behind: bool = True
+    pose: Pose,
+    camera: Camera,
+    target: Target,
+    psf_sigma_px: float,
+    extra_px: float = 0.0,
+    keep_behind: bool = True,
+    settings: OtherBodiesSettings = DEFAULTS,
 ) -> Mask:
     """Pixels (ny, nx) of the undistorted frame that say nothing of the target, or may not."""
     nx, ny = camera.size_px
     mask = np.zeros((ny, nx), np.bool_)
-    blur_px = BLUR_SIGMAS * psf_sigma_px + PIXEL_PX + extra_px
+    blur_px = settings.blur_sigmas * psf_sigma_px + settings.pixel_px + extra_px
     bodies = bodies_of(pose, target)
     own = next(body for body in bodies if body.place is None)
-    disk = disk_of(own, camera)
+    disk, kept = disk_of(own, camera), kept_px(own, camera, psf_sigma_px, settings)
     for body in bodies:
-        margin = blur_px + place_px(body, camera)
+        margin = blur_px + place_px(body, camera, settings)
         if body is own or not in_frame(body, camera, margin):
             continue
         other = grown(disk_of(body, camera), margin)
@@ -64,30 +65,33 @@ def without_target(
             continue
         if not keep_behind:
             other &= ~grown(disk, -blur_px)
-        elif disk.any() and not (grown(disk, kept_px(own, camera, psf_sigma_px)) & ~disk_of(body, camera)).any():
+        elif disk.any() and not (grown(disk, kept) & ~disk_of(body, camera)).any():
             continue  # wholly before the other body: what is around the target is all that light, known as it is
         elif (disk_of(body, camera) & disk).any():
             # A moon before its planet: near the limb the planet's light is what the moon hides.
-            other &= ~grown(disk, kept_px(own, camera, psf_sigma_px))
+            other &= ~grown(disk, kept)
         mask |= other
-    mask |= shadows_and_rings(pose, camera, target, bodies, blur_px)
+    mask |= shadows_and_rings(pose, camera, target, bodies, blur_px, settings)
     return mask
 
 
-def kept_px(own: Body, camera: Camera, psf_sigma_px: float) -> float:
-    """How far beyond the target's limb the light behind it is looked at."""
-    return KEPT_PX + KEPT_RADII * own.radius_px(camera) + KEPT_SIGMAS * psf_sigma_px
+def kept_px(own: Body, camera: Camera, psf_sigma_px: float, settings: OtherBodiesSettings) -> float:
+    """How far beyond the target's limb the light behind it is looked at (`tasks.compare.occulted`): it is what the
+    target hides."""
+    return settings.kept_px + settings.kept_radii * own.radius_px(camera) + settings.kept_sigmas * psf_sigma_px
 
 
-def place_px(body: Body, camera: Camera) -> float:
+def place_px(body: Body, camera: Camera, settings: OtherBodiesSettings) -> float:
     """How far a body's edge may be from where it is placed relative to the target, pixels."""
     if body.place is None:
         return 0.0
     sigma_km = float(np.hypot(body.place.sigma_km, body.place.relief_km))
-    return float(PLACE_SIGMAS * sigma_km * camera.focal_length_px / body.pose.range_km)
+    return float(settings.place_sigmas * sigma_km * camera.focal_length_px / body.pose.range_km)
 
 
-def shadows_and_rings(pose: Pose, camera: Camera, target: Target, bodies: list[Body], blur_px: float) -> Mask:
+def shadows_and_rings(
+    pose: Pose, camera: Camera, target: Target, bodies: list[Body], blur_px: float, settings: OtherBodiesSettings
+) -> Mask:
     """Pixels (ny, nx) in which the target lies in a shadow, and in which rings stand before it or beside it."""
     nx, ny = camera.size_px
     mask = np.zeros((ny, nx), np.bool_)
@@ -100,11 +104,11 @@ def shadows_and_rings(pose: Pose, camera: Camera, target: Target, bodies: list[B
         return mask
     window = (around.x0, around.y0, around.x1, around.y1)
     seen = seen_by_frame(pose, camera, target, window)
-    shaded = (seen.body_id == target.naif_id) & (seen.shadow > LEAST_LOSS)
+    shaded = (seen.body_id == target.naif_id) & (seen.shadow > settings.least_loss)
     km_px = camera.focal_length_px / own.pose.range_km
     places = [body.place.sigma_km for body in bodies if body.place is not None]
-    margin = blur_px + PLACE_SIGMAS * km_px * max(places, default=0.0)
-    lost = shaded | (-np.expm1(-seen.ring_depth) > LEAST_LOSS)
+    margin = blur_px + settings.place_sigmas * km_px * max(places, default=0.0)
+    lost = shaded | (-np.expm1(-seen.ring_depth) > settings.least_loss)
     part = mask[around.y0 : around.y1, around.x0 : around.x1]
     part |= grown(lost, margin)
     return mask

@@ -1,6 +1,8 @@
 """What is known about the distortion of one image: all methods measured, figures, comparison with the archive."""
 
 import time
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +16,14 @@ from catalog.reasons import Reason
 from catalog.reseau.archive import read_archive_marks
 from tasks.undistort import seen_marks, undistort
 from tasks.undistort.bent_plate import BentModel
-from tasks.undistort.choose import SeenMarks, chosen_method, chosen_model, table_of, uses_found_marks
+from tasks.undistort.choose import (
+    SeenMarks,
+    chosen_method,
+    chosen_model,
+    fitted_to_frame,
+    table_of,
+    uses_found_marks,
+)
 from tasks.undistort.compare import displacement_field, residual_model
 from tasks.undistort.figures import (
     comparison_figure,
@@ -72,7 +81,11 @@ def _of_marks(path: Path, frame: Frame, camera: Camera, seen: SeenMarks, out: Pa
     marks = seen.marks
     mark_set, used = _mark_set(camera, seen)
     methods = METHODS if seen.bending is not None and used == "found" else [m for m in METHODS if m not in OF_A_FRAME]
-    models = {method: fit_model(method, mark_set, bending=seen.bending) for method in methods}
+    sizes = (camera.detector_size_px, camera.size_px)
+    models = {
+        method: fitted_to_frame(method, seen, sizes, None) if method in OF_A_FRAME else fit_model(method, mark_set)
+        for method in methods
+    }
     chosen = chosen_method(camera, UndistortSettings(), seen)
     report = {
         "marks_found": int(marks.found.sum()),
@@ -94,10 +107,10 @@ def _of_marks(path: Path, frame: Frame, camera: Camera, seen: SeenMarks, out: Pa
     plane = uncertainty_plane(models[chosen])
     report["uncertainty_median_px"] = float(np.median(plane))
     figures = {
-        "marks": marks_figure(frame.observation, marks, frame.product),
-        "displacement": displacement_figure(models[chosen], frame.product),
-        "residuals": residuals_figure(reports, camera.size_px, frame.product),
-        "uncertainty": uncertainty_figure(plane, frame.product),
+        "marks": partial(marks_figure, frame.observation, marks, frame.product),
+        "displacement": partial(displacement_figure, models[chosen], frame.product),
+        "residuals": partial(residuals_figure, reports, camera.size_px, frame.product),
+        "uncertainty": partial(uncertainty_figure, plane, frame.product),
     }
     return report | {"figures": _saved(figures, out, frame.product)}
 
@@ -119,7 +132,7 @@ def _of_optics(frame: Frame, camera: Camera, out: Path | None) -> dict[str, Any]
     models = {name: chosen_model(camera, UndistortSettings.model_validate({"method": name}))[0] for name in names}
     chosen = chosen_method(camera, UndistortSettings())
     figures = {
-        f"distortion-{name}": distortion_map_figure(model, camera.name)
+        f"distortion-{name}": partial(distortion_map_figure, model, camera.name)
         for name, model in models.items()
         if name != "none"
     }
@@ -163,7 +176,8 @@ def _of_corrected(path: Path, frame: Frame, camera: Camera, out: Path | None) ->
         again = resampled(corrected, residual_model(field, camera.size_px))
         usable &= (again.quality & UNUSABLE_BITS) == 0
         report["residual_after_correction"] = displacement_field(ours.image, again.image, usable).summary()
-    figures = {"against-raw": comparison_figure(field, ours.image, f"{frame.product} against our undistortion")}
+    caption = f"{frame.product} against our undistortion"
+    figures = {"against-raw": partial(comparison_figure, field, ours.image, caption)}
     return report | {"figures": _saved(figures, out, frame.product)}
 
 
@@ -208,12 +222,12 @@ def _timed(frame: Frame, camera: Camera) -> dict[str, float]:
     return seconds
 
 
-def _saved(figures: "dict[str, Figure]", out: Path | None, product: str) -> list[str]:
-    """Write the figures as PNG and return their paths."""
+def _saved(figures: "Mapping[str, Callable[[], Figure]]", out: Path | None, product: str) -> list[str]:
+    """Draw the figures, write them as PNG and return their paths; draw none without a folder."""
     if out is None:
         return []
     out.mkdir(parents=True, exist_ok=True)
     paths = [out / f"{product}-{name}.png" for name in figures]
-    for path, figure in zip(paths, figures.values(), strict=True):
-        figure.savefig(path, format="png")
+    for path, drawn in zip(paths, figures.values(), strict=True):
+        drawn().savefig(path, format="png")
     return [str(path) for path in paths]

@@ -21,7 +21,7 @@ from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.tile_prior import limb_gain
-from tasks.joint.uncertainty import covariance, of_the_body, of_the_camera, systematic, times_usual
+from tasks.joint.uncertainty import covariance, noise_covariance, of_the_body, of_the_camera, systematic, times_usual
 from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -34,7 +34,8 @@ Source = Literal["spice", "label", "file", "image"]
 class Estimate:
     """free: solution with the range free, at its own scale; shown: its covariance (8, 8) by its residuals. free_state,
     state: of the whole image, with the range free and with the trajectory's. free_covariance, covariance: (8, 8) of
-    these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body.
+    these, all errors included; common: (8, 8) the part that the limb's own edges share, by distortion and body;
+    noise: (8, 8) the part of the pixels' noise, which another exposure draws anew.
     bending: what the disk shows of it; the states are those of the image without it. None where none is known.
     linearity: what the disk shows of the detector. displacement: what limb and markings show of a distortion; None
     where its error is known beforehand."""
@@ -46,6 +47,7 @@ class Estimate:
     free_covariance: Array
     covariance: Array
     common: Array
+    noise: Array
     bending: Bending | None = None
     linearity: Linearity | None = None
     displacement: Displacement | None = None
@@ -101,16 +103,16 @@ def estimated(given: Problem, start: State) -> Estimate:
     common += np.outer(by_detector, by_detector)
     # Where a distortion model states its own error, that is in the errors already.
     unmodelled = distortion.bending is None and distortion.smooth_px == 0
-    least_px = settings.displaced_px
-    displacement = displacement_shown(free, least_px) if unmodelled and least_px is not None else None
+    expected_px = settings.displaced_px
+    displacement = displacement_shown(free, level, expected_px) if unmodelled and expected_px is not None else None
     if displacement:
-        by_displacement = level.step_up(displacement.moved)
-        common += np.outer(by_displacement, by_displacement)
+        common += displacement.covariance
     common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
     for errors in (own, common):
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
-    estimate = Estimate(free, shown, state, state, errors, errors, common, bending, linearity, displacement)
+    noise = level.covariance_up(noise_covariance(free.problem, free.fit, np.asarray(free.data.variance, np.float64)))
+    estimate = Estimate(free, shown, state, state, errors, errors, common, noise, bending, linearity, displacement)
     return with_range_prior(estimate, given)
 
 

@@ -1,4 +1,5 @@
-"""When estimates of the same thing contradict each other, and how much larger their errors must then be."""
+"""When estimates of the same thing contradict each other, how much larger their errors must then be, and how large what
+they show in common is."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,3 +29,12 @@ def growth_of(own: Array, others: Array, wanted: Array) -> float:
     if surprise(0.0) <= 0:
         return 1.0
     return float(np.exp(brentq(surprise, 0.0, most, xtol=1e-3))) if surprise(most) < 0 else MOST
+
+
+def size_of(found: Array, noise: Array, passed: Array, expected: float, chance: float) -> float:
+    """1-sigma of what terms (n,) have in common, by moments: each is found with the variance `noise` (n,) plus
+    `passed` (n,) times the variance sought. 0 where the surplus is below `chance` times its own scatter."""
+    weight = 1 / (noise + passed * expected**2)
+    surplus = float(weight @ (found**2 - noise))
+    by_chance = float(np.sqrt(2 * weight**2 @ noise**2))
+    return float(np.sqrt(surplus / (weight @ passed))) if surplus > chance * by_chance else 0.0

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from catalog.observation import Observation
 from catalog.pose import POSE_KEYS, Pose
 from catalog.reasons import Reason
+from tasks.attitude.markings import UNKNOWN_DEG
 from tasks.bodies.masks import alone
 from tasks.correction import Correction
 from tasks.joint.beam_bending import Bending, displacement_of
@@ -29,6 +30,7 @@ from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, ori
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
 from tasks.joint.settings import JointSettings
+from tasks.joint.shape import doubt_of_shape
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
@@ -117,6 +119,7 @@ def as_correction(
         "unknowns": list(NAMES),
         "covariance": estimate.covariance.tolist(),
         "free_covariance": estimate.free_covariance.tolist(),
+        "noise_covariance": estimate.noise.tolist(),
         "held": [name for name, is_held in zip(NAMES, held, strict=True) if is_held],
         "held_by_prior": [u.to_dict() for u in prior_dominated_directions(free.fit, estimate.shown, sigmas, held)],
         "range_psf_correlation": correlation(estimate.free_covariance, RANGE, PSF),
@@ -138,6 +141,7 @@ def as_correction(
         doubt_of_convergence(free),
         None if held[RANGE] else doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), limits),
         doubt_of_markings(orientation) if orientation else None,
+        shape_doubt(given, estimate, orientation),
         (led or {}).get("doubt"),
         doubt_of_start(away_px, centre_sigma_px, free_sigma * radius, limits),
     ]
@@ -165,6 +169,14 @@ def as_correction(
         by_prior = [{"direction": {name: 1.0}, "image_sigma_over_prior": None} for name in NAMES[ATTITUDE]]
         evidence["held_by_prior"] = [*evidence["held_by_prior"], *by_prior]
     return Correction("joint", estimate.state.pose, changed, uncertainty, evidence, free.converged)
+
+
+def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | None) -> str | None:
+    """Whether the shape that is shown speaks against the target, where its markings do not show that it is the body."""
+    found, attitude_deg = estimate.displacement, float(np.max(given.sigmas[ATTITUDE]))
+    if found is None or orientation is None or orientation.markings.verdict == "matched":
+        return None
+    return doubt_of_shape(found, estimate.state.pose, given.scene, min(attitude_deg, UNKNOWN_DEG), given.thresholds)
 
 
 def smear_of(state: State) -> dict[str, float] | None:

@@ -100,7 +100,7 @@ def oriented(
         doubtful = gain < limits.borne_out and angle > limits.neglected_px * texture.pixel_deg
         if not doubtful or (gain > -no_difference(verdict, limits) and angle <= prior_deg):
             conflict = conflict_of(angle, prior_deg, verdict)
-            estimate = with_least_error(estimate, texture, turn_deg if doubtful else np.zeros(3), limits)
+            estimate = with_least_error(estimate, texture, verdict, turn_deg if doubtful else np.zeros(3), limits)
             return estimate, led, Orientation(verdict, "image", angle, gain, conflict)
     predicted = State(estimate.state.pose.replaced(body_from_j2000=metadata.pose.body_from_j2000), start.psf_sigma_px)
     held, led_held = solvers.lead(solvers.solve(predicted, True))
@@ -170,17 +170,27 @@ def gained(texture: Texture, back: Array) -> float:
     return here - evidence_of(texture.correlations(back), independent)
 
 
+def peak_error(markings: Markings) -> float:
+    """1-sigma of the place of the correlation's peak, in units of its width: sqrt(1 - r^2) / (r sqrt(n)) of n
+    independent measurements that correlate by r; what the map gets wrong of the markings is in r."""
+    correlation, independent = markings.correlation or 0.0, markings.independent or 0.0
+    if correlation <= 0 or independent <= 0:
+        return 0.0
+    return float(np.sqrt(max(1 - correlation**2, 0.0) / independent) / correlation)
+
+
 def with_least_error(
-    estimate: Estimate, texture: Texture, spread_deg: Array, limits: OrientationThresholds
+    estimate: Estimate, texture: Texture, markings: Markings, spread_deg: Array, limits: OrientationThresholds
 ) -> Estimate:
-    """The estimate with the orientation's errors that no residual shows, and that of `spread_deg` (3,), a rotation
-    vector, along that."""
+    """The estimate with the orientation's errors that no residual shows, by what the matched `markings` can tell at
+    best, and that of `spread_deg` (3,), a rotation vector, along that."""
     pose = estimate.state.pose
     sight = pose.camera_from_body.T @ (pose.target_in_camera_km / pose.range_km)
     pixel_deg, about = texture.pixel_deg / texture.reduction, np.outer(sight, sight)
+    across_px = float(np.hypot(limits.across_px, limits.peak_px * peak_error(markings)))
+    about_px = across_px * limits.about_px / limits.across_px
     least = np.zeros_like(estimate.covariance)
-    least[ATTITUDE, ATTITUDE] = (limits.across_px * pixel_deg) ** 2 * (np.eye(3) - about)
-    least[ATTITUDE, ATTITUDE] += (limits.about_px * pixel_deg) ** 2 * about
+    least[ATTITUDE, ATTITUDE] = (across_px * pixel_deg) ** 2 * (np.eye(3) - about) + (about_px * pixel_deg) ** 2 * about
     least[ATTITUDE, ATTITUDE] += np.outer(spread_deg, spread_deg)
     return replace(estimate, covariance=estimate.covariance + least, free_covariance=estimate.free_covariance + least)
 

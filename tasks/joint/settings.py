@@ -89,8 +89,9 @@ class JointSettings(BaseModel):
     result when it ends elsewhere. limb_led_px: where the product's limb lies farther (RMS) from the image's own, or
     contradicts it by its errors, the limb leads; None never. bending_px: where the disk shows the beam to bend
     otherwise than the marks say, by at least so many pixels (RMS), the image is displaced by it; None never.
-    displaced_px: where limb and markings show a smooth displacement that no distortion model tells of, of at least so
-    many pixels (RMS), the errors hold what it does to the solution; None never. diameter_px: disks of which more is in
+    displaced_px: what each term of a smooth displacement that no distortion model tells of is before the fit, pixels at
+    the limb, 1-sigma; where limb and markings show one, the errors hold what it does to the solution; None takes optics
+    for exact. diameter_px: disks of which more is in
     the frame than a whole one of this size has are solved at reduced resolution; first_diameter_px: the same on the way
     there, where fine markings would catch the solution in the wrong place."""
 
@@ -112,7 +113,7 @@ class JointSettings(BaseModel):
     second_start: bool = True
     limb_led_px: float | None = Field(0.3, gt=0)
     bending_px: float | None = Field(0.02, ge=0)
-    displaced_px: float | None = Field(None, gt=0)
+    displaced_px: float | None = Field(0.3, gt=0)
     diameter_px: float = Field(450.0, gt=0)
     first_diameter_px: float = Field(220.0, gt=0)
     edge_px: float = Field(0.1, ge=0)

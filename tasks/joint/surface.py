@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from catalog.pose import Pose
 from tasks.compiled import compiled_reordered
 from tasks.geometry.bilinear import bilinear, places_on_map
+from tasks.geometry.row_cosines import emission_cosines, incidence_cosines
 from tasks.geometry.unit_sphere import closest_approach
 from tasks.simulate import Scene
 from tasks.simulate.coarse_map import map_as_coarse_as
@@ -116,16 +117,8 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             sx, sy, sz = cx + t * dx, cy + t * dy, cz + t * dz
             length = 1 / math.sqrt(sx * sx + sy * sy + sz * sz)
             px[j], py[j], pz[j] = sx * length * rx, sy * length * ry, sz * length * rz
-        for j in range(begin, end):
-            u = first[0] + j * step
-            ex, ey, ez = (vx + ax * u) * rx, (vy + ay * u) * ry, (vz + az * u) * rz
-            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
-            length2 = (nx * nx + ny * ny + nz * nz) * (ex * ex + ey * ey + ez * ez)
-            mu[i, j] = max(-(nx * ex + ny * ey + nz * ez) / math.sqrt(length2), 0.0)
-        for j in range(begin, end):
-            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
-            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / math.sqrt(nx * nx + ny * ny + nz * nz)
-            mu0[i, j] = max(incidence, 0.0)
+        emission_cosines(px, py, pz, begin, end, first[0], step, (vx, vy, vz), (ax, ay, az), radii, mu[i])
+        incidence_cosines(px, py, pz, begin, end, sun, radii, mu0[i])
         for j in range(begin, end):
             flat[j] = max(math.sqrt(px[j] * px[j] + py[j] * py[j]), 1e-6)
         places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)

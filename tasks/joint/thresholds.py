@@ -145,13 +145,11 @@ class ContradictionThresholds(BaseModel):
     bending_feigned_px: float = _threshold(
         0.05, "What map and laws may displace of a limb without a trace in the residuals, px, 1-sigma. Choice."
     )
-    displaced_expected_px: float = _threshold(
-        0.3, "What optics displace beyond what their camera's file says, px at the limb, 1-sigma. Choice."
+    chance_size: float = _threshold(
+        2.0, "A displacement whose terms exceed their noise by fewer sigmas is chance. Choice."
     )
-    displaced_chance: float = _threshold(
-        1e-6,
-        "Probability of a displacement that is none: on nine images of six laws never one both less probable and above "
-        "0.15 px RMS; a distortion of 0.3 px RMS shows as 0.22 px.",
+    chance_shape: float = _threshold(
+        0.003, "Probability that a body without markings that show it is doubted by its shape alone. Choice."
     )
     linearity_laws: float = _threshold(
         0.03,
@@ -180,12 +178,18 @@ class OrientationThresholds(BaseModel):
         3.0, "What a small turn moves is extrapolated to the prior's sigma by no more than this. Choice."
     )
     across_px: float = _threshold(
-        0.08,
-        "What map and laws feign of a turn across the line of sight, px that it moves the disk's middle, 1-sigma: with "
-        "it 55 images of the honesty benchmark lie within 1 and 2 sigmas by 77 and 97 %.",
+        0.03,
+        "What map and laws feign of a turn across the line of sight, px that it moves the disk's middle, 1-sigma, if "
+        "the markings match perfectly: with it and `peak_px` 40 images of the honesty benchmark lie within 1 and 2 "
+        "sigmas by 80 and 99 %.",
     )
     about_px: float = _threshold(
-        0.05, "The same about the line of sight, px at the limb: 82 and 100 % of the same images."
+        0.02, "The same about the line of sight, px at the limb: 87 and 98 % of the same images."
+    )
+    peak_px: float = _threshold(
+        2.5,
+        "Width of the correlation's peak, px, by which its place is uncertain where markings and map correlate badly "
+        "or over few measurements (see `peak_error`): of the same 40 images the worst is 3.0 sigmas off, 4.6 without.",
     )
     fewest_directions: int = _threshold(8, "Directions of a lit limb from which its outline is compared. Choice.")
 

@@ -29,14 +29,43 @@ def covariance_of_all(problem: LinearProblem, fit: Fit) -> Array:
     """Covariance (n, n) of all columns' values when the residuals of neighbouring tiles may all err together
     (cluster-robust sandwich; White 1980, Econometrica 48, 817; Liang and Zeger 1986, Biometrika 73, 13)."""
     bread = scaled_inverse(fit.normal)
+    meat = _shared_pull(problem, fit) + np.diag(problem.prior)
+    return _at_least(bread @ meat @ bread, bread)
+
+
+def sampling_covariance(problem: LinearProblem, fit: Fit) -> Array:
+    """Covariance (n, n) of all columns' values by the image's errors alone, without those of the priors' means."""
+    bread = scaled_inverse(fit.normal)
+    return _at_least(bread @ _shared_pull(problem, fit) @ bread, bread @ fit.information @ bread)
+
+
+def _at_least(sandwich: Array, least: Array) -> Array:
+    """Never less than what independent pixels of the stated weight would give."""
+    ratio = np.maximum(np.sqrt(np.diag(least) / np.maximum(np.diag(sandwich), 1e-300)), 1.0)
+    return np.asarray(sandwich * np.outer(ratio, ratio))
+
+
+def _shared_pull(problem: LinearProblem, fit: Fit) -> Array:
+    """Covariance (n, n) of the residuals' pull on the columns, those of a cluster erring together."""
     scores = _scores(problem, fit)
     count = len(scores)
     shrink = count / (count - min(len(fit.values), problem.thresholds.variance.most_lost * count))
-    meat = shrink * scores.T @ scores + np.diag(problem.prior)
-    sandwich = bread @ meat @ bread
-    # Never less than what independent pixels of the stated weight would give.
-    ratio = np.maximum(np.sqrt(np.diag(bread) / np.maximum(np.diag(sandwich), 1e-300)), 1.0)
-    return np.asarray(sandwich * np.outer(ratio, ratio))
+    return np.asarray(shrink * scores.T @ scores)
+
+
+def noise_covariance(problem: LinearProblem, fit: Fit, variance: Array) -> Array:
+    """Covariance (8, 8) of the unknowns that move the image by the pixels' noise alone, of `variance` (ny, nx): what
+    another exposure of the same scene would draw anew. Errors of map and laws, which the weights hold too, are not in
+    it."""
+    label, bread = problem.tiles.label, scaled_inverse(fit.normal)
+    used = fit.weight > 0
+    tile, columns = label[used], problem.columns[:, used].astype(np.float64)
+    inside = tile >= 0
+    local = problem.local[:, used][:, inside].astype(np.float64)
+    # What the tiles' own unknowns take up is no pull on the others.
+    columns[:, inside] -= np.einsum("lp,pln->np", local, fit.by_others[tile[inside]])
+    pull = columns * (fit.weight[used] * np.sqrt(variance[used]))
+    return np.asarray(bread @ (pull @ pull.T) @ bread)[-MOVING:, -MOVING:]
 
 
 def _scores(problem: LinearProblem, fit: Fit) -> Array:

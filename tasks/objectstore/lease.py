@@ -1,8 +1,9 @@
 """Leases on products: one process at a time works on a product or writes it, wherever it runs.
 
-A lease is an object that its holder writes anew every RENEW_S. Who waits takes it over when he has seen no change of it
-for LEASE_S by his own clock, so clocks need not agree. A holder that could not renew it (it was stopped, or the storage
-was away) asks before it writes: a lease that was taken over meanwhile is lost, and nothing more is written.
+A lease is an object that its holder writes anew again and again. Who waits takes it over when he has seen no change of
+it for PLANETPOSE_LEASE_S by his own clock, so clocks need not agree. A holder that could not renew it (it was stopped,
+or the storage was away) looks before it writes: a lease that was taken over meanwhile is lost, and nothing more is
+written.
 """
 
 import json
@@ -16,6 +17,7 @@ from contextlib import contextmanager, suppress
 
 from catalog.errors import FailedError
 from catalog.reasons import Reason
+from catalog.settings import lease_s
 from tasks.objectstore.conditional import (
     delete_same,
     has_conditions,
@@ -27,8 +29,8 @@ from tasks.objectstore.conditional import (
 from tasks.objectstore.location import ObjectStore, reaching
 
 LEASES = ".reprocess/leases"
-# Long enough for a holder that waits for a slow request (its time-outs add up to a minute) to be asked first.
-LEASE_S, RENEW_S, LOOK_EVERY_S = 60.0, 15.0, 1.0
+LOOK_EVERY_S = 1.0
+RENEWALS = 4  # in the time after which a lease may be taken over
 
 
 class Lease:
@@ -44,7 +46,7 @@ class Lease:
 
     def check(self) -> None:
         """Raises FailedError when it is lost, or the storage cannot say whether it is."""
-        if time.monotonic() - self._renewed > LEASE_S / 2:
+        if time.monotonic() - self._renewed > lease_s() / 2:
             with reaching(self._store):
                 self._renew()
         if self._is_lost:
@@ -71,7 +73,7 @@ class Lease:
                 self._tag, self._renewed = tag, started
 
     def _keep(self) -> None:
-        while not self._ended.wait(RENEW_S):
+        while not self._ended.wait(lease_s() / RENEWALS):
             with suppress(FailedError), reaching(self._store):
                 self._renew()
 
@@ -106,16 +108,18 @@ def acquired(store: ObjectStore, name: str, waiting: Callable[[], None]) -> Leas
     """The lease, once nobody else has it."""
     holder, seen, since = uuid.uuid4().hex, None, time.monotonic()
     while True:
+        tag = None
         with reaching(store):
-            tag = put_new(store, name, content_of_lease(holder)) or tag_of_own(store, name, holder)
-            if tag is None:
-                there = tag_of(store, name)
-                if there != seen:
-                    seen, since = there, time.monotonic()
-                elif there is not None and time.monotonic() - since > LEASE_S:
-                    tag = put_over(store, name, content_of_lease(holder), there)
+            there = tag_of(store, name) if seen else None
+            if there is None:
+                tag = put_new(store, name, content_of_lease(holder)) or tag_of_own(store, name, holder)
+                there = tag or tag_of(store, name)
+            elif there == seen and time.monotonic() - since > lease_s():
+                tag = put_over(store, name, content_of_lease(holder), there)
         if tag is not None:
             return Lease(store, name, holder, tag)
+        if there != seen:
+            seen, since = there, time.monotonic()
         waiting()
         time.sleep(LOOK_EVERY_S)
 

@@ -129,10 +129,10 @@ def is_new(result: dict[str, Any]) -> bool:
 def index_store(store: Path, products: Collection[str] | None = None) -> int:
     """Bring the index of `store` up to date; how many rows it has then. products: those that may have changed, where
     that is known; the others are not looked at."""
-    from tasks.publish.index import open_index, update_index
+    from tasks.publish.index import index_all, update_index
 
     try:
-        return len(open_index(store)) if products is None else update_index(store, products)
+        return index_all(store) if products is None else update_index(store, products)
     except OSError as error:  # the products are there all the same, and the next reader brings it up to date
         logger.warning("the index of %s was not written: %s", store, error)
         return 0

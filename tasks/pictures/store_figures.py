@@ -42,6 +42,8 @@ QUANTITIES = (
     Quantity("limb_rms", "limb rms, px", ("limb_rms_px",), "shifts between image and simulation on the lit limb", True),
     Quantity("sigma", "1-sigma of the centre, px", ("centre_x_uncertainty_px", "centre_y_uncertainty_px"),
              "stated uncertainty of the target's centre", True),
+    Quantity("target_offset", "O-C of the target, px", ("target_offset_x_px", "target_offset_y_px"),
+             "observed less computed place by stars, the camera's error taken out", True),
     Quantity("attitude", "turn of the body, deg", ("attitude_deg",), "by how much the target's attitude was corrected"),
 )  # fmt: skip
 

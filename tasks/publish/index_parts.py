@@ -67,6 +67,24 @@ def products_of_parts(store: Path) -> dict[Path, list[str]] | None:
     return names if names and len(names) == len(paths) else None
 
 
+def stamps_of_parts(store: Path) -> dict[str, str] | None:
+    """The stamp of every product, as the index has it; None where a part cannot be read, or a product has two rows."""
+    from pyarrow import parquet
+    from pyarrow.lib import ArrowException
+
+    pairs: list[tuple[str, str]] = []
+    try:
+        for path in part_paths(store):
+            with parquet.ParquetFile(path) as file:  # `read_table` imports pandas
+                if tuple(file.schema_arrow.names) != NAMES:
+                    return None
+                part = file.read(columns=["product", "stamp"])
+            pairs += zip(part["product"].to_pylist(), part["stamp"].to_pylist(), strict=True)
+    except (OSError, ValueError, ArrowException):
+        return None
+    return stamps if len(stamps := dict(pairs)) == len(pairs) else None
+
+
 def count_rows(store: Path) -> int:
     """How many rows the index has, by the ends of its files."""
     from pyarrow import parquet

@@ -66,6 +66,9 @@ COLUMNS = (
     Column("limb_disagreeing", "number", "share of the segments that are more than 1 px off (validate.disagree_px)"),
     Column("similarity_before", "number", "structural similarity of image and simulation, predicted pose"),
     Column("similarity_after", "number", "the same, corrected pose"),
+    Column("stars", "whole", "identified stars that the camera's orientation is by; 0 without"),
+    Column("target_offset_x_px", "number", "observed less computed place of the target, x, by stars"),
+    Column("target_offset_y_px", "number", "the same, y"),
     Column("pose_source", "text", "where the camera's orientation came from: `spice`, `label`, `file` or `image`"),
     Column("profile", "text", "profile of settings"),
     Column("pixel_space", "text", "`resampled` (undistorted frame) or `sensor` (the detector's own pixels)"),
@@ -169,7 +172,8 @@ def _correction(result: dict[str, Any]) -> dict[str, Any]:
     centre_sigma = sigma.get("centre_px") or sigma.get("offset_px") or (None, None)
     offset = result.get("offset_px") or (None, None)
     turn, turn_sigma = result.get("attitude_deg"), sigma.get("attitude_deg")
-    similarity = result.get("similarity") or {}
+    similarity, stars = result.get("similarity") or {}, result.get("stars") or {}
+    apart = stars.get("target_offset_px") or (None, None)
     return {
         "centre_x_uncertainty_px": centre_sigma[0],
         "centre_y_uncertainty_px": centre_sigma[1],
@@ -185,6 +189,9 @@ def _correction(result: dict[str, Any]) -> dict[str, Any]:
         "limb_disagreeing": result.get("limb_disagreeing"),
         "similarity_before": similarity.get("before"),
         "similarity_after": similarity.get("after"),
+        "stars": stars.get("stars", 0),
+        "target_offset_x_px": apart[0],
+        "target_offset_y_px": apart[1],
         "pose_source": result.get("pose_source"),
         "profile": result.get("profile"),
     }

@@ -1,6 +1,7 @@
-"""The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator."""
+"""The overlay picture: image, predicted and corrected limb, latitude and longitude lines, terminator, other bodies and
+stars."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,9 @@ GRID: dict[str, Any] = {"color": "white", "linestyle": "-", "linewidth": 0.6, "a
 OTHER: dict[str, Any] = {"color": "#CC79A7", "linestyle": "-", "linewidth": 1.4}
 RING: dict[str, Any] = {"color": "#CC79A7", "linestyle": ":", "linewidth": 0.9}
 SHADOW: dict[str, Any] = {"color": "#D55E00", "linestyle": "--", "linewidth": 1.2}
+STAR: dict[str, Any] = {"color": "#009E73", "linestyle": "-", "linewidth": 1.2}
+NO_STAR: dict[str, Any] = {"color": "#E69F00", "linestyle": "-", "linewidth": 1.0}
+STAR_SHARE = 0.008  # half width of a star's mark, of the width that a panel shows
 OTHER_POINTS = 1440
 GRID_STEP_DEG = 30.0
 LABEL_COSINE = 0.3  # of emission, below which grid labels would crowd
@@ -45,15 +49,18 @@ def draw_overlay(
     path: Path,
     title: str = "",
     found: str = "corrected limb",
+    stars: Mapping[str, Any] | None = None,
 ) -> Path:
     """Write the overlay of an undistorted image (ny, nx) as PNG and return its path.
 
     The picture is cut to the target; when the predicted limb lies far from the corrected one, a second panel shows the
-    whole frame with both. found: what the limb of `pose_after` is called.
+    whole frame with both; so it does where stars are known. found: what the limb of `pose_after` is called. stars: what
+    a result says of them.
     """
     before, after = limb(pose_before, camera, target), limb(pose_after, camera, target)
     frame = Box(-0.5, -0.5, camera.size_px[0] - 0.5, camera.size_px[1] - 0.5)
     box, far_apart = close_up(box_of(before.xy_px), box_of(after.xy_px), frame)
+    far_apart = far_apart or (bool(stars and stars.get("matches")) and box != frame)
     boxes = [box, union(frame, box_of(before.xy_px), box_of(after.xy_px))] if far_apart else [box]
     picture, panels = _canvas(boxes)
     shown = stretched(image)
@@ -69,6 +76,7 @@ def draw_overlay(
         panel.curves([_closed(after.xy_px)], CORRECTED)
         panel.curves([_closed(before.xy_px)], PREDICTED)
     legend += _draw_others(panels, pose_after, camera, target)
+    legend += _draw_stars(panels, boxes, stars or {})
     for panel in panels:
         panel.axes()
     if far_apart:
@@ -164,6 +172,26 @@ def _draw_others(
         legend.append(("other bodies", OTHER))
     if edges:
         legend.append(("shadow", SHADOW))
+    return legend
+
+
+def _draw_stars(
+    panels: "Sequence[Panel]", boxes: Sequence[Box], stars: Mapping[str, Any]
+) -> list[tuple[str, dict[str, Any]]]:
+    """Rings around identified stars, squares around star images that are none of the catalog's; the legend's words."""
+    angle = np.linspace(0, 2 * np.pi, 25)
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+    legend = []
+    for key, shape, style, words in (
+        ("matches", ring, STAR, "identified stars"),
+        ("unidentified", square, NO_STAR, "star images not identified"),
+    ):
+        places = [np.array([each["x_px"], each["y_px"]]) for each in stars.get(key) or []]
+        for panel, box in zip(panels, boxes, strict=True):
+            panel.curves([place + STAR_SHARE * box.width * shape for place in places], style)
+        if places:
+            legend.append((words, style))
     return legend
 
 

@@ -40,7 +40,8 @@ def write_product(publication: Publication, folder: Path) -> None:
     _write_json(folder / RESULT, {**p.result, "cube": CUBE, "overlay": OVERLAY})
     write_cube(cube_dataset(p), folder / CUBE)
     caption = _caption(p.product, p.target.name, p.camera.name, p.pose_after, p.result)
-    draw_overlay(p.observation.image, p.pose_before, p.pose_after, p.camera, p.target, folder / OVERLAY, caption)
+    places = (p.pose_before, p.pose_after, p.camera, p.target, folder / OVERLAY, caption)
+    draw_overlay(p.observation.image, *places, stars=p.result.get("stars"))
     write_checksums(folder)
 
 
@@ -61,7 +62,7 @@ def redraw_overlay(folder: Path) -> Path:
         before, after = (Pose.from_dict(attributes[key]) for key in ("pose_before", "pose_after"))
     result = _result_of(folder)
     caption = _caption(attributes["product"], target.name, camera.name, after, result)
-    draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption)
+    draw_overlay(image, before, after, camera, target, folder / OVERLAY, caption, stars=result.get("stars"))
     refresh_checksum(folder, OVERLAY)
     return folder / OVERLAY
 

@@ -15,7 +15,8 @@ CAPTIONS = {
     "overlay": (
         "Limb, grid and terminator",
         "The image with the predicted limb (orange, dashed), the corrected limb (light blue), latitudes and longitudes "
-        "every 30 degrees (white) and the terminator (yellow, dotted).",
+        "every 30 degrees (white) and the terminator (yellow, dotted). Other bodies are pink, edges of shadows red and "
+        "dashed; identified stars have green rings, other star images orange squares.",
     ),
     "residual": (
         "Image, simulation, residual",

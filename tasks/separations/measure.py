@@ -33,8 +33,6 @@ from tasks.simulate.window import disk_radius_px
 
 Array = NDArray[np.float64]
 
-# The sunlit part of a disk that is measured is at least so wide, pixels: a limb of some hundred segments.
-LEAST_LIT_PX = 40.0
 ROUNDS, STILL_PX = 5, 0.01
 EDGES = LimbSettings()
 SKY_PX = EDGES.half_px + 8.0
@@ -78,8 +76,9 @@ def measured(observation: Observation, pose: Pose, scene: Scene, body: Body) -> 
         lit_px=lit_px,
         predicted_px=(float(x), float(y)),
     )
-    if lit_px < LEAST_LIT_PX:
-        return found.model_copy(update={"why_not": f"its sunlit part is {lit_px:.0f} px wide, {LEAST_LIT_PX:g} needed"})
+    least_px = scene.settings.others.least_lit_px
+    if lit_px < least_px:
+        return found.model_copy(update={"why_not": f"its sunlit part is {lit_px:.0f} px wide, {least_px:g} needed"})
     try:
         centre, covariance, by = place_of(observation, pose, scene, body)
     except PlanetposeError as error:

@@ -15,6 +15,7 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.compiled import compiled_reordered
 from tasks.geometry.bilinear import bilinear, places_on_map
+from tasks.geometry.row_cosines import emission_cosines, incidence_cosines
 from tasks.geometry.unit_sphere import closest_approach
 from tasks.simulate.window import Window
 
@@ -57,7 +58,6 @@ def _fill(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg,
     ox, oy, oz = spacecraft[0], spacecraft[1], spacecraft[2]
     ux, uy, uz = to_scaled[0, 0], to_scaled[1, 0], to_scaled[2, 0]
     rx, ry, rz = radii[0], radii[1], radii[2]
-    inverse2_x, inverse2_y, inverse2_z = 1 / (rx * rx), 1 / (ry * ry), 1 / (rz * rz)
     for i in range(rows):
         v = first[1] + i * step
         # The direction at u = 0.
@@ -82,16 +82,8 @@ def _fill(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg,
             cx, cy, cz, half_chord2, length2 = closest_approach(ox, oy, oz, dx, dy, dz)
             t = math.sqrt(max(half_chord2, 0.0) / length2)
             px[j], py[j], pz[j] = (cx - t * dx) * rx, (cy - t * dy) * ry, (cz - t * dz) * rz
-        for j in range(begin, end):
-            u = first[0] + j * step
-            ex, ey, ez = (vx + ux * u) * rx, (vy + uy * u) * ry, (vz + uz * u) * rz
-            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
-            length2 = (nx * nx + ny * ny + nz * nz) * (ex * ex + ey * ey + ez * ez)
-            mu[i, j] = max(-(nx * ex + ny * ey + nz * ez) / math.sqrt(length2), 0.0)
-        for j in range(begin, end):
-            nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
-            incidence = (nx * sun[0] + ny * sun[1] + nz * sun[2]) / math.sqrt(nx * nx + ny * ny + nz * nz)
-            mu0[i, j] = max(incidence, 0.0)
+        emission_cosines(px, py, pz, begin, end, first[0], step, (vx, vy, vz), (ux, uy, uz), radii, mu[i])
+        incidence_cosines(px, py, pz, begin, end, sun, radii, mu0[i])
         for j in range(begin, end):
             flat[j] = math.sqrt(px[j] * px[j] + py[j] * py[j])
         places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)

@@ -17,12 +17,40 @@ from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px, target_window
 
 
+class OtherBodiesSettings(BaseModel):
+    """What is left out of an image around other bodies than the target, and what is measured of these: margins beyond
+    a body's edge add up."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+    blur_sigmas: float = Field(
+        4.0, ge=0, description="Margin of a body's edge, in widths of the PSF: 3e-5 of an edge's light is beyond."
+    )
+    pixel_px: float = Field(1.0, ge=0, description="The same in pixels: a pixel's own width.")
+    place_sigmas: float = Field(
+        3.0, ge=0, description="The same in 1-sigma errors of the body's place relative to the target (`sigma_km`)."
+    )
+    least_loss: float = Field(
+        0.005,
+        gt=0,
+        lt=1,
+        description="Shadows and rings that take less of the light are left alone: a tenth of what maps are off by.",
+    )
+    kept_px: float = Field(
+        12.0, ge=0, description="A body behind the target is left out from so far beyond the target's limb on. Choice."
+    )
+    kept_radii: float = Field(0.05, ge=0, description="The same in radii of the target, added. Choice.")
+    kept_sigmas: float = Field(4.0, ge=0, description="The same in widths of the PSF, added; as blur_sigmas.")
+    least_lit_px: float = Field(
+        40.0, gt=0, description="Width of a disk's sunlit part from which its place is measured: some hundred segments."
+    )
+
+
 class SceneSettings(BaseModel):
     """How simulations are made. psf_sigma_px: None takes the camera's. trail_px: (x, y) of a line along which the
     exposure spreads every point (see `tasks.simulate.trail`). oversample: None chooses by the disk's size.
     behind_share: where the target's surroundings are brighter than the frame's darkest parts by more than this share of
     its span of brightness, a body is taken to be behind the target, which hides its light (a moon in front of its
-    planet, see `tasks.compare.occulted`); None never."""
+    planet, see `tasks.compare.occulted`); None never. others: of other bodies in the frame."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     photometry: BasisName = "lunar-lambert"
@@ -31,6 +59,7 @@ class SceneSettings(BaseModel):
     oversample: int | None = Field(None, ge=1, le=16)
     behind_share: float | None = Field(0.1, gt=0, lt=1)
     rays: Literal["closed-form", "mitsuba-limb", "mitsuba"] = "closed-form"
+    others: OtherBodiesSettings = OtherBodiesSettings()
 
 
 @dataclass(frozen=True)

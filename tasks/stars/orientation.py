@@ -48,7 +48,7 @@ def fit_orientation(camera: Camera, start: Array, directions: Array, xy_px: Arra
     stated = np.maximum(sigma_px, LEAST_SIGMA_PX)
     extra, weights = 0.0, np.ones(len(xy_px))
     for _ in range(STEPS):
-        places, slopes = _projected(camera, turned, directions)
+        places, slopes = projected(camera, turned, directions)
         residual = xy_px - places
         extra = extra_sigma(residual, stated)
         sigma = np.hypot(stated, extra)
@@ -58,7 +58,7 @@ def fit_orientation(camera: Camera, start: Array, directions: Array, xy_px: Arra
         turned = rotation_from_vector_deg(np.degrees(change)) @ turned
         if np.abs(np.degrees(change)).max() < STILL_DEG:
             break
-    places, slopes = _projected(camera, turned, directions)
+    places, slopes = projected(camera, turned, directions)
     normal = np.einsum("nki,n,nkj->ij", slopes, weights / sigma**2, slopes)
     covariance = np.linalg.inv(normal) * (180.0 / np.pi) ** 2
     return Orientation(nearest_rotation(turned), covariance, xy_px - places, extra, weights)
@@ -71,7 +71,7 @@ def focal_length_factor(
     and its 1-sigma; None with too few stars. It is a test of the camera's scale, and not part of the orientation."""
     if len(xy_px) < FEWEST_FOR_SCALE:
         return None
-    places, slopes = _projected(camera, found.camera_from_j2000, directions)
+    places, slopes = projected(camera, found.camera_from_j2000, directions)
     columns = np.concatenate([slopes, (places - np.asarray(camera.centre_px))[:, :, None]], axis=-1)
     weights = found.weights / (np.maximum(sigma_px, LEAST_SIGMA_PX) ** 2 + found.extra_sigma_px**2)
     normal = np.einsum("nki,n,nkj->ij", columns, weights, columns)
@@ -80,12 +80,13 @@ def focal_length_factor(
     return float(1.0 + change[3]), float(np.sqrt(covariance[3, 3]))
 
 
-def extra_sigma(residual_px: Array, stated_px: Array) -> float:
-    """The error of one coordinate that, added to the stated ones (n,), makes the residuals (n, 2) what they ought to be
-    with three unknowns fitted; 0 where the stated ones suffice. Residuals count up to three times their median size."""
+def extra_sigma(residual_px: Array, stated_px: Array, unknowns: int = 3) -> float:
+    """The error of one coordinate that, added to the stated ones (n,), makes the residuals (n, 2) what they ought
+    to be with so many unknowns fitted; 0 where the stated ones suffice. Residuals count up to three times their median
+    size."""
     size = np.linalg.norm(residual_px, axis=1)
     size = np.minimum(size, 3.0 * np.median(size))
-    wanted = max(2 * len(size) - 3, 1)
+    wanted = max(2 * len(size) - unknowns, 1)
 
     def excess(extra: float) -> float:
         return float(np.sum(size**2 / (stated_px**2 + extra**2))) - wanted
@@ -97,7 +98,7 @@ def extra_sigma(residual_px: Array, stated_px: Array) -> float:
     return float(brentq(excess, 0.0, float(np.sqrt(np.sum(size**2) / wanted)) + 1e-9, xtol=1e-6))
 
 
-def _projected(camera: Camera, turned: Array, directions: Array) -> tuple[Array, Array]:
+def projected(camera: Camera, turned: Array, directions: Array) -> tuple[Array, Array]:
     """Pixels (n, 2) and their derivatives (n, 2, 3) by a small rotation (radians) about the camera's axes."""
     v = directions @ turned.T
     x, y = v[:, 0] / v[:, 2], v[:, 1] / v[:, 2]

@@ -11,6 +11,8 @@ from catalog.times import utc_from_et
 from tasks.stars.field import StarField
 from tasks.stars.image import StarImage
 from tasks.stars.orientation import focal_length_factor
+from tasks.stars.sources import STAR
+from tasks.stars.together import solved_text
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
@@ -28,6 +30,7 @@ EMPTY: Json = {
     "focal_length_factor": None,
     "region": None,
     "matches": [],
+    "unidentified": [],
 }
 
 
@@ -50,6 +53,7 @@ def in_json(found: StarImage) -> Json:
         "aberration": observer.velocity_km_s is not None,
         "detections": field.strong,
         "star_image_px": [round(float(each), 3) for each in star_image_px(field.sources.shape_px2)],
+        "unidentified": unidentified(field),
         "missing": list(found.missing),
         "warnings": list(found.warnings),
     }
@@ -134,8 +138,25 @@ def matches(field: StarField, found: StarImage) -> list[Json]:
     ]
 
 
+def unidentified(field: StarField) -> list[Json]:
+    """Star images that stand out and are no star of the catalog, the brightest first."""
+    strong = np.arange(field.strong)
+    used = np.zeros(0, int) if field.lock is None else field.lock.matched.detection
+    others = np.setdiff1d(strong[field.sources.kind[strong] == STAR], used)
+    return [
+        {
+            "x_px": float(field.xy_px[d, 0]),
+            "y_px": float(field.xy_px[d, 1]),
+            "signal_to_noise": float(field.sources.signal_to_noise[d]),
+        }
+        for d in others
+    ]
+
+
 def as_text(content: Json) -> str:
     """The same for people."""
+    if "solved" in content:
+        return solved_text(content)
     if "camera" not in content:
         return f"{content['image']}: {content['reason']}"
     if not content["stars"]:

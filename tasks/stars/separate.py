@@ -52,6 +52,13 @@ class StarOrientation:
         )
 
 
+def orientation_stated(stars: Mapping[str, Any]) -> StarOrientation | None:
+    """The camera's orientation by what a record or a product says of stars; None without a lock."""
+    if not stars.get("stars"):
+        return None
+    return StarOrientation(np.array(stars["camera_from_j2000"]), np.array(stars["uncertainty"]["covariance_deg2"]))
+
+
 def separation(
     stars: StarOrientation, metadata: Pose, predicted: Pose, after: Pose, camera: Camera, sigma: Mapping[str, Any]
 ) -> Json:
@@ -64,7 +71,7 @@ def separation(
     before = camera.project(stars.camera_from_j2000 @ metadata.camera_from_j2000[2])
     centre, was = (camera.project(pose.target_in_camera_km) for pose in (after, predicted))
     covariance = offset_covariance_km2(stars, after, camera, sigma)
-    by_stars_px = np.sqrt(np.diag(_by_orientation_px2(stars, after, camera)))
+    by_stars_px = np.sqrt(np.diag(orientation_covariance_px2(stars, after.target_in_camera_km, camera)))
     own_px = np.array(sigma["offset_px"] if sigma.get("offset_px") is not None else [np.nan, np.nan], dtype=float)
     return {
         "camera_offset_px": _plain(before - np.asarray(camera.centre_px)),
@@ -93,11 +100,11 @@ def offset_covariance_km2(stars: StarOrientation, pose: Pose, camera: Camera, si
     return np.asarray(to_j2000 @ (place + length + turned) @ to_j2000.T)
 
 
-def _by_orientation_px2(stars: StarOrientation, pose: Pose, camera: Camera) -> Array:
-    seen = pose.target_in_camera_km
-    x, y, z = seen
+def orientation_covariance_px2(stars: StarOrientation, seen_km: Array, camera: Camera) -> Array:
+    """Covariance (2, 2) of where the orientation by stars puts a direction (3,) of the camera's frame."""
+    x, y, z = seen_km
     by_place = camera.focal_length_px / z * np.array([[1.0, 0.0, -x / z], [0.0, 1.0, -y / z]])
-    slope = by_place @ -_cross(seen)
+    slope = by_place @ -_cross(seen_km)
     return np.asarray(slope @ (np.radians(1.0) ** 2 * stars.covariance_deg2) @ slope.T)
 
 

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from pydantic import Field
 
 from catalog.stars.observer import Observer
@@ -12,7 +11,7 @@ from tasks.image_file import ImageInputs, frame_of
 from tasks.stars.field import find_stars
 from tasks.stars.image import StarImage, catalog_of
 from tasks.stars.report import in_json
-from tasks.stars.separate import StarOrientation
+from tasks.stars.separate import StarOrientation, orientation_stated
 from tasks.stars.settings import StarSettings
 from tasks.stars.solve import CONE, PREDICTED, Region, half_diagonal_deg
 from tasks.step import StepType
@@ -52,10 +51,7 @@ class StarsResult(Content):
     @property
     def orientation(self) -> StarOrientation | None:
         """The camera's orientation; None without a lock."""
-        if not self.found["stars"]:
-            return None
-        covariance = np.array(self.found["uncertainty"]["covariance_deg2"])
-        return StarOrientation(np.array(self.found["camera_from_j2000"]), covariance)
+        return orientation_stated(self.found)
 
 
 def run(inputs: StarsInputs, files: StarsFiles, _: Work) -> StarsResult:

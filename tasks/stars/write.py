@@ -1,8 +1,7 @@
 """Stars of several image files: one row each, whatever goes wrong with one; and their files NAME.json and NAME.png."""
 
 import json
-from collections.abc import Iterable, Iterator
-from functools import partial
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from catalog.plain_text import printable
@@ -12,28 +11,42 @@ from tasks.boundary import reason_of, trouble_of
 from tasks.stars.image import StarImage, StarRequest, stars_of_image
 from tasks.stars.overlay import draw_stars
 from tasks.stars.report import Json, in_json, nothing_known
+from tasks.stars.settings import IdentificationSettings
+from tasks.stars.together import Together
 
 
-def stars_of_images(requests: Iterable[StarRequest], out: Path | None) -> Iterator[tuple[Json, bool]]:
+def stars_of_images(
+    requests: Iterable[StarRequest], out: Path | None, solve: Sequence[str] = ()
+) -> Iterator[tuple[Json, bool]]:
     """The result of each image as plain JSON, and whether it could be looked at: an image that is refused has its
-    reason in the result, and the others go on. out: folder for files, None for none."""
+    reason in the result, and the others go on; then what all images say of each camera (`solve`, see `fit_camera`).
+    out: folder for files, None for none."""
+    together = Together(tuple(solve), IdentificationSettings())
     for request in requests:
         results: list[Json] = []
-        error = trouble_of(partial(_append, results, request, out), request.image.name)
+
+        def look(request: StarRequest = request, results: list[Json] = results) -> None:
+            found = stars_of_image(request)
+            together.add(found)
+            results.append(written(found, out))
+
+        error = trouble_of(look, request.image.name)
         if error is None:
             yield results[0], True
         else:
             reason = reason_of(error)
             yield nothing_known(printable(request.image.name), reason), False
-
-
-def _append(results: list[Json], request: StarRequest, out: Path | None) -> None:
-    results.append(result_of_image(request, out))
+    for content in together.in_json():
+        yield content, True
 
 
 def result_of_image(request: StarRequest, out: Path | None) -> Json:
     """The result of one image, and its files. Raises RefusedError where it cannot be looked at."""
-    found = stars_of_image(request)
+    return written(stars_of_image(request), out)
+
+
+def written(found: StarImage, out: Path | None) -> Json:
+    """The result as plain JSON, and its files."""
     content = in_json(found)
     if out is not None:
         content |= {"files": [str(path) for path in write_files(found, content, out)]}

@@ -80,14 +80,12 @@ def fit_bent_plate(
 
     In other units it is taken only when it is `SIGNIFICANT` times its error. Raises RefusedError as `fit_thin_plate`.
     """
-    px_per_dn, spread = with_experience(*coefficient_of_frame(marks, field, degree, smoothing), field.in_dn)
-    unbent = marks.object_xy - px_per_dn * field(marks.raw_xy)
-    surface = SmoothSurface(
-        marks.raw_xy, unbent, marks.sigma_px, marks.raw_size_px, degree, smoothing, assessed=marks.found
-    )
+    both = _places_and_pulls(marks, field, degree, smoothing)
+    px_per_dn, spread = with_experience(*_coefficient_of(both, marks), field.in_dn)
+    pull = field(marks.raw_xy)
+    surface = both.through(marks.object_xy - px_per_dn * pull, assessed=marks.found)
     plate = plate_of_surface(marks, surface, degree)
-    absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), marks.sigma_px, marks.raw_size_px, degree, smoothing)
-    return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"), absorbed)
+    return BentModel(plate, field, px_per_dn, spread, replace(plate.report, method="beam-bending"), both.through(pull))
 
 
 def coefficient_of_frame(
@@ -95,8 +93,15 @@ def coefficient_of_frame(
 ) -> tuple[float, float]:
     """Bending in undistorted px per DN that makes the marks best predicted from each other, robustly, and its error;
     (0, inf) for a frame without brightness."""
+    return _coefficient_of(_places_and_pulls(marks, field, degree, smoothing), marks)
+
+
+def _places_and_pulls(marks: MarkSet, field: BendingField, degree: int, smoothing: float) -> SmoothSurface:
     values = np.hstack([marks.object_xy, field(marks.raw_xy)])
-    both = SmoothSurface(marks.raw_xy, values, marks.sigma_px, marks.raw_size_px, degree, smoothing)
+    return SmoothSurface(marks.raw_xy, values, marks.sigma_px, marks.raw_size_px, degree, smoothing)
+
+
+def _coefficient_of(both: SmoothSurface, marks: MarkSet) -> tuple[float, float]:
     left_out = (both.leave_one_out / marks.sigma_px[:, None])[marks.found]
     return coefficient(left_out[:, :2].ravel(), left_out[:, 2:].ravel())
 

@@ -91,8 +91,7 @@ class FitReport:
     @property
     def robust_leave_one_out_px(self) -> float:
         """The same with no mark counted as more than `ROBUST_LIMIT` times the median."""
-        distance = np.linalg.norm(self.leave_one_out, axis=1)
-        return float(np.sqrt((np.minimum(distance, ROBUST_LIMIT * np.median(distance)) ** 2).mean()))
+        return robust_rms(self.leave_one_out)
 
     @property
     def leave_one_out_median_px(self) -> float:
@@ -107,6 +106,12 @@ class FitReport:
             "leave_one_out_median_px": self.leave_one_out_median_px,
             "condition_number": self.condition_number,
         }
+
+
+def robust_rms(vectors: Array) -> float:
+    """Root mean square length of vectors (n, 2), none counted as more than `ROBUST_LIMIT` times the median."""
+    distance = np.linalg.norm(vectors, axis=1)
+    return float(np.sqrt((np.minimum(distance, ROBUST_LIMIT * np.median(distance)) ** 2).mean()))
 
 
 def _rms(vectors: Array) -> float:

@@ -1,5 +1,6 @@
 """A smooth surface through scattered values: thin-plate spline on a polynomial trend, with its own error estimates."""
 
+from copy import copy
 from functools import cached_property
 
 import numpy as np
@@ -51,13 +52,23 @@ class SmoothSurface:
         self._points, self._size_px, self._degree = points, size_px, degree
         trend = legendre_matrix(points, degree, size_px)
         nugget = smoothing * (sigma / SIGMA_UNIT_PX) ** 2
-        count = len(points)
         self._system = np.block([[_spline(points, points) + np.diag(nugget), trend], [trend.T, np.zeros((terms,) * 2)]])
         self._inverse: Array = np.linalg.inv(self._system)
+        self._nugget = nugget
+        self._fit(values, assessed)
+
+    def through(self, values: Array, assessed: NDArray[np.bool_] | None = None) -> "SmoothSurface":
+        """Other values (n, k) at the same points, of the same sigmas: the solved system is shared."""
+        other = copy(self)
+        other._fit(values, assessed)
+        return other
+
+    def _fit(self, values: Array, assessed: NDArray[np.bool_] | None) -> None:
+        count = len(self._points)
         self._weights = self._inverse[:, :count] @ values
         diagonal = np.diag(self._inverse)[:count]
         self.leave_one_out: Array = self._weights[:count] / diagonal[:, None]
-        self.residual: Array = self._weights[:count] * nugget[:, None]
+        self.residual: Array = self._weights[:count] * self._nugget[:, None]
         self.standardised: Array = self.leave_one_out * np.sqrt(np.abs(diagonal))[:, None]
         chosen = np.ones(count, dtype=bool) if assessed is None else assessed
         self._variance_scale = float((self.standardised[chosen] ** 2).mean())

@@ -14,7 +14,7 @@ from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from tasks.undistort.bending import BendingField
 from tasks.undistort.bent_plate import BentModel, coefficient, with_experience
-from tasks.undistort.mark_set import FitReport, MarkSet
+from tasks.undistort.mark_set import FitReport, MarkSet, robust_rms
 from tasks.undistort.model import Points, solve_points
 from tasks.undistort.reseau_marks import SIGMA_FLOOR_PX
 from tasks.undistort.smooth_model import SmoothModel
@@ -47,8 +47,9 @@ def fit_warped_table(marks: MarkSet, field: BendingField, degree: int = WARP_DEG
             "Use the method thin-plate.",
         )
     tables = [_Table.of(marks, nominal_xy, smoothing) for smoothing in TABLE_SMOOTHING]
-    fits = (_warp(marks, table, field, degree, smoothing) for table in tables for smoothing in WARP_SMOOTHING)
-    return min(fits, key=lambda fit: fit.report.robust_leave_one_out_px)
+    pull = field(marks.raw_xy)
+    fits = (_Warp.of(marks, table, pull, field, degree, smoothing) for table in tables for smoothing in WARP_SMOOTHING)
+    return min(fits, key=lambda fit: robust_rms(fit.leave_one_out)).model(marks, field, degree)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,36 +71,52 @@ class _Table:
         return cls(surface, unwarped, np.stack(slope, axis=-1))
 
 
-def _warp(marks: MarkSet, table: _Table, field: BendingField, degree: int, smoothing: float) -> BentModel:
-    found, size_px = marks.found, marks.raw_size_px
-    moved = marks.raw_xy - table.unwarped_xy
-    pull = np.linalg.solve(table.slope, field(marks.raw_xy)[..., None])[..., 0]
-    sigma = marks.sigma_px.copy()
-    for _ in range(ROBUST_ROUNDS):
-        both = SmoothSurface(marks.raw_xy, np.hstack([moved, -pull]), sigma, size_px, degree, smoothing)
-        left_out = (both.leave_one_out / marks.sigma_px[:, None])[found]
-        errors, pulls = left_out[:, :2], left_out[:, 2:]
-        k, spread = with_experience(*coefficient(errors.ravel(), pulls.ravel()), field.in_dn)
-        size = np.linalg.norm(errors - k * pulls, axis=1)
-        sigma[found] = marks.sigma_px[found] * np.maximum(size / (OUTLIER * np.median(size)), 1.0)
-    warp = SmoothSurface(marks.raw_xy, moved + k * pull, sigma, size_px, degree, smoothing, assessed=found)
-    slope = table.slope[found]
-    report = FitReport(
-        "warped-table",
-        marks.object_xy[found],
-        np.einsum("nij,nj->ni", slope, warp.residual[found]),
-        np.einsum("nij,nj->ni", slope, warp.leave_one_out[found]),
-        warp.condition_number,
-    )
-    scale = float(np.sqrt(np.abs(np.linalg.det(slope)).mean()))
+@dataclass(frozen=True, eq=False)
+class _Warp:
+    """One fit: the table and its warp; the bending's coefficient and its 1-sigma; slope (n, 2, 2): the table's
+    derivative at the found marks; leave_one_out (n, 2): their errors in undistorted pixels."""
 
-    def forward(raw: Points) -> Points:
-        return table.forward(raw - warp(raw))
+    table: _Table
+    surface: SmoothSurface
+    px_per_dn: float
+    spread: float
+    slope: Array
+    leave_one_out: Array
 
-    def sigma_px(points: Points) -> Array:
-        raw = model.distort_points(points)
-        return np.hypot(scale * warp.sigma_at(raw), BETWEEN * table.forward.sigma_at(raw))
+    @classmethod
+    def of(
+        cls, marks: MarkSet, table: _Table, pull: Array, field: BendingField, degree: int, smoothing: float
+    ) -> "_Warp":
+        """pull (n, 2): the field at the marks."""
+        found, size_px = marks.found, marks.raw_size_px
+        moved = marks.raw_xy - table.unwarped_xy
+        pull = np.asarray(np.linalg.solve(table.slope, pull[..., None])[..., 0], np.float64)
+        sigma = marks.sigma_px.copy()
+        for _ in range(ROBUST_ROUNDS):
+            both = SmoothSurface(marks.raw_xy, np.hstack([moved, -pull]), sigma, size_px, degree, smoothing)
+            left_out = (both.leave_one_out / marks.sigma_px[:, None])[found]
+            errors, pulls = left_out[:, :2], left_out[:, 2:]
+            k, spread = with_experience(*coefficient(errors.ravel(), pulls.ravel()), field.in_dn)
+            size = np.linalg.norm(errors - k * pulls, axis=1)
+            sigma[found] = marks.sigma_px[found] * np.maximum(size / (OUTLIER * np.median(size)), 1.0)
+        warp = SmoothSurface(marks.raw_xy, moved + k * pull, sigma, size_px, degree, smoothing, assessed=found)
+        slope = table.slope[found]
+        return cls(table, warp, k, spread, slope, np.einsum("nij,nj->ni", slope, warp.leave_one_out[found]))
 
-    model = SmoothModel("warped-table", marks, forward, sigma_px, report, degree)
-    absorbed = SmoothSurface(marks.raw_xy, field(marks.raw_xy), sigma, size_px, degree, smoothing)
-    return BentModel(model, field, k, spread, report, absorbed, "warped-table")
+    def model(self, marks: MarkSet, field: BendingField, degree: int) -> BentModel:
+        """The distortion model of this fit."""
+        warp, table, found = self.surface, self.table, marks.found
+        residual = np.einsum("nij,nj->ni", self.slope, warp.residual[found])
+        report = FitReport("warped-table", marks.object_xy[found], residual, self.leave_one_out, warp.condition_number)
+        scale = float(np.sqrt(np.abs(np.linalg.det(self.slope)).mean()))
+
+        def forward(raw: Points) -> Points:
+            return table.forward(raw - warp(raw))
+
+        def sigma_px(points: Points) -> Array:
+            raw = model.distort_points(points)
+            return np.hypot(scale * warp.sigma_at(raw), BETWEEN * table.forward.sigma_at(raw))
+
+        model = SmoothModel("warped-table", marks, forward, sigma_px, report, degree)
+        absorbed = warp.through(field(marks.raw_xy))
+        return BentModel(model, field, self.px_per_dn, self.spread, report, absorbed, "warped-table")

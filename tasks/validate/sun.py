@@ -21,6 +21,7 @@ from tasks.simulate.photometry import BASES
 from tasks.simulate.pixels import detect
 from tasks.simulate.suns import with_sun_moved
 from tasks.simulate.window import Window, disk_radius_px
+from tasks.validate.albedo import albedo_terms, spread_by_albedo
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -33,7 +34,7 @@ ITERATIONS, STILL_DEG, NEAR_DEG = 20, 0.2, 3.0
 DIFFERENCE_DEG, LARGEST_DEG, LARGEST_PX = 1.0, 15.0, 1.0
 # Below this distance from the spacecraft, or from the point behind the target, the Sun has no azimuth in the image.
 LEAST_PHASE_DEG = 3.0
-# What laws and maps move the Sun by, beyond the residuals' scatter, degrees, 1-sigma: measured on simulated images of
+# What laws and maps move the Sun by, beyond what the residuals show, degrees, 1-sigma: measured on simulated images of
 # other laws and maps with the right Sun (azimuth as an angle on the sky 2.7 at most, phase 2.4), and on real ones (1.0,
 # and 6 of phase on Pluto by LORRI).
 ACROSS_SIGMA_DEG, PHASE_SIGMA_DEG = 1.0, 2.5
@@ -63,7 +64,8 @@ def sun_in_image(observation: Observation, pose: Pose, scene: Scene) -> SunRepor
     """Least squares for the Sun's direction at a corrected pose, with the weights of the photometric laws, an even
     background, centre and size of the disk solved along; at reduced resolution.
 
-    The sigmas are by the residuals, errors that neighbouring pixels share included, and by what laws and maps do.
+    The sigmas are by the residuals, errors that neighbouring pixels share included, by smooth errors of the map's
+    albedo (see `spread_by_albedo`), and by what laws do.
     """
     return solved_with_sun(observation, pose, scene)[0]
 
@@ -159,7 +161,13 @@ def _step(seen: Observation, trial: Pose, scene: Scene, away: Array, claimed: Po
     step, errors = np.zeros(5), np.zeros((5, 5))
     solved = len(columns) - first
     step[:solved] = values[first:]
-    errors[:solved, :solved] = covariance[first:, first:] * shared
+    y, x = (np.indices(image.shape) - centre[::-1, None, None]) / _radius(window)
+    sun = (trial.camera_from_j2000 @ with_sun_moved(trial, *away).sun_from_target_km)[:2]
+    (along, across) = sun / max(float(np.hypot(*sun)), 1e-300)
+    terms = albedo_terms(along * x + across * y, along * y - across * x)
+    light = np.tensordot(weights, bases, 1)
+    spread = spread_by_albedo(columns, light, residual, weight, terms, shared)
+    errors[:solved, :solved] = covariance[first:, first:] * shared + spread[first:, first:]
     return step, errors
 
 

@@ -151,6 +151,49 @@ def test_a_cone_reads_only_the_row_groups_that_may_hold_it(tmp_path: Path, monke
     assert read in ([11], [11, 12])
 
 
+@pytest.mark.parametrize("suffix", [".csv", ".tsv"])
+def test_a_large_csv_file_is_read_in_pieces_and_gives_the_same_cones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
+) -> None:
+    random, path = np.random.default_rng(3), tmp_path / f"sky{suffix}"
+    frame = pd.DataFrame(
+        {" ra": random.uniform(0, 360, 5000), "dec": np.degrees(np.arcsin(random.uniform(-1, 1, 5000))), "mag": 8.0}
+    )
+    frame.to_csv(path, index=False, sep="\t" if suffix == ".tsv" else ",")
+    cones = [Cone(unit_vectors(0.0, 80.0), 20.0), Cone(unit_vectors(10.0, 75.0), 5.0), Cone(unit_vectors(90.0, 0.0), 9)]
+    whole = [FileCatalog(path).stars(cone) for cone in [*cones, None]]
+    monkeypatch.setattr("catalog.stars.files.WHOLE_TEXT_BYTES", 100)
+    monkeypatch.setattr("catalog.stars.files.ROWS_AT_ONCE", 700)
+    reads, read = [], pd.read_csv
+
+    def counted(*arguments: Any, **more: Any) -> Any:
+        reads.append(more.get("chunksize"))
+        return read(*arguments, **more)
+
+    monkeypatch.setattr(pd, "read_csv", counted)
+    pieces = [FileCatalog(path).stars(cone) for cone in [*cones, None]]
+    for one, other in zip(whole, pieces, strict=True):
+        assert len(one) > 5
+        assert sorted(one.ident) == sorted(other.ident)
+        assert sorted(one.ra_deg) == sorted(other.ra_deg)
+    # The second cone lies in what was read for the first one.
+    assert reads == [None, 700] * 3
+
+
+def test_stars_of_a_large_csv_file_are_bounded_and_a_large_votable_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("catalog.stars.files.WHOLE_TEXT_BYTES", 10)
+    monkeypatch.setattr("catalog.stars.files.MOST_STARS", 3)
+    catalog = FileCatalog(written(tmp_path, ".csv"))
+    with pytest.raises(RefusedError, match=r"more than 3 stars are in it; give --near and --cone-deg"):
+        catalog.stars()
+    assert catalog.stars(Cone(unit_vectors(10.1, -5.0), 0.2)).ident.tolist() == ["b", "a"]
+    monkeypatch.setattr("catalog.stars.files.MOST_VOTABLE_BYTES", 100)
+    with pytest.raises(RefusedError, match=r"a VOTable is read whole.*save it as Parquet"):
+        FileCatalog(written(tmp_path, ".vot")).stars()
+
+
 def test_a_catalog_that_is_too_large_is_not_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("catalog.stars.files.MOST_STARS", 3)
     catalog = FileCatalog(written(tmp_path, ".parquet"))

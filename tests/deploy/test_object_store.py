@@ -1,8 +1,6 @@
 """A store in S3, against moto's server: whole products or none, whatever dies in between."""
 
 import json
-import os
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,35 +18,7 @@ from tasks.publish.index import INDEX
 from tasks.record import RECORD_FILE
 from tasks.step import AnyStep, Step, run
 
-BUCKET = "products"
 pytestmark = pytest.mark.filterwarnings("ignore:Failed to open Zarr store with consolidated")
-
-
-@pytest.fixture(scope="module")
-def s3() -> Iterator[str]:
-    """Address of an S3 server of this process; the environment names it as AWS' tools want."""
-    server = pytest.importorskip("moto.server")
-    served = server.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    served.start()
-    host, port = served.get_host_and_port()
-    with pytest.MonkeyPatch.context() as patch:
-        for name in [name for name in os.environ if name.startswith("AWS_")]:
-            patch.delenv(name)
-        patch.setenv("AWS_ENDPOINT_URL", f"http://{host}:{port}")
-        patch.setenv("AWS_ACCESS_KEY_ID", "test")
-        patch.setenv("AWS_SECRET_ACCESS_KEY", "test")
-        patch.setenv("AWS_DEFAULT_REGION", "us-east-1")
-        import boto3  # type: ignore[import-untyped]
-
-        boto3.client("s3").create_bucket(Bucket=BUCKET)
-        yield f"http://{host}:{port}"
-    served.stop()
-
-
-@pytest.fixture
-def url(s3: str, request: pytest.FixtureRequest) -> str:
-    """A store of the test's own."""
-    return f"s3://{BUCKET}/{abs(hash(request.node.name))}"
 
 
 def write_product(store: Path, key: str, value: float = 1.0, extra: bool = False) -> Path:

@@ -26,6 +26,8 @@ pytestmark = pytest.mark.skipif(
 def on() -> Iterator[Stage]:
     with stage(IMAGES) as prepared:
         yield prepared
+        if worker := prepared.sessions.get("worker"):
+            worker.lose()  # it would wait for the runs that the schedule goes on beginning
 
 
 def status_of(address: str, credentials: str | None) -> int:

@@ -14,6 +14,7 @@ from flows.chain import Chain
 from flows.progress import Silent
 from flows.request import Request
 from flows.run import run_requests
+from tasks.guidance.prefect_run import noted_run
 from tasks.work import NoFiles
 
 CHAIN = ("read", "double-1", "double-2", "publish")
@@ -189,8 +190,11 @@ def test_prefect_shows_every_step_as_a_task_and_the_second_time_as_cached(
 
     file = image("shown", "41")
     run(file)
-    shutil.rmtree(plain_environment["store"])  # so that there is work, and the flow runs again
+    store = plain_environment["store"]
+    shutil.rmtree(store)  # so that there is work, and the flow runs again
+    (store / ".requests").mkdir(parents=True)  # as real steps leave it
     run(file)
+    noted = noted_run(store, "shown") or {}
     names = [f"{step}:shown" for step in CHAIN]
     expected = [(name, state) for name in names[:3] for state in ("Cached", "Completed")]
     expected = sorted([*expected, (names[3], "Completed"), (names[3], "Completed")])
@@ -201,6 +205,8 @@ def test_prefect_shows_every_step_as_a_task_and_the_second_time_as_cached(
             found = client.read_task_runs(task_run_filter=TaskRunFilter(name=TaskRunFilterName(any_=names)))
             states = sorted((task.name, str(task.state_name)) for task in found)
             time.sleep(0.2)
+        assert client.read_flow_run(noted["flow_run"]).name in noted["name"]
+    assert noted["url"].endswith(f"/runs/flow-run/{noted['flow_run']}")
     assert states == expected
     assert done(work_log) == ["read", "double", "double", "publish", "publish"]
 

@@ -15,7 +15,6 @@ from flows.one_image import answer_from_cache, one_result
 from flows.options import ReprocessOptions
 from flows.progress import Silent
 from flows.reprocessing.image_task import job_of, outcome_of
-from flows.reprocessing.outcomes import all_outcomes, write_outcome
 from flows.reprocessing.planning import Plan, plan_of
 from flows.reprocessing.run import Run, Tally
 from flows.reprocessing.worker import do
@@ -23,6 +22,7 @@ from flows.requests import requests_of_list
 from flows.status import status_of
 from lab.fuzz.batch import Ground
 from lab.simulate.small_archive import CAMERA_FILE, POSE_FILE, PROFILE_FILE
+from tasks.outcomes import all_outcomes, write_outcome
 from tasks.publish.origin import OTHER_IMAGE, origin_of, refuse_taken
 from tasks.step import AnyStep, run
 

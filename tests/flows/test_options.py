@@ -8,7 +8,8 @@ import pytest
 import yaml  # type: ignore[import-untyped]
 from typer.main import get_command
 
-from flows import map_options, options, star_options
+from flows import map_options, star_options
+from flows import options as models
 from flows.cli import build_app
 from flows.image_options import Options
 
@@ -34,9 +35,7 @@ DEPLOYMENTS = yaml.safe_load((Path(__file__).parents[2] / "deploy/prefect.yaml")
 
 def model_of(command: str) -> type[Options]:
     name = f"{command.title().replace('-', '')}Options"
-    found: type[Options] = next(
-        getattr(module, name) for module in (options, map_options, star_options) if hasattr(module, name)
-    )
+    found: type[Options] = next(vars(each)[name] for each in (models, map_options, star_options) if name in vars(each))
     return found
 
 

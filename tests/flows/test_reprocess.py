@@ -19,7 +19,6 @@ from flows.inputs import image_inputs
 from flows.options import ReprocessOptions
 from flows.progress import Silent
 from flows.reprocessing.image_task import without_results
-from flows.reprocessing.outcomes import read_outcome, read_trace, write_outcome
 from flows.reprocessing.planning import TRIES, plans_in_words
 from flows.reprocessing.run import begin, planned, sweep
 from flows.request import Request
@@ -28,6 +27,8 @@ from lab.simulate.small_archive import LIST, POSE_FILE, PROFILE_FILE, write_smal
 from tasks import step as step_module
 from tasks.cache import prune
 from tasks.changes import inputs_changed, kernels_changed, leaves_changed
+from tasks.guidance.prefect_run import noted_run
+from tasks.outcomes import read_outcome, read_trace, write_outcome
 from tasks.record import RECORD_FILE
 
 
@@ -88,7 +89,9 @@ def test_the_table_names_every_image_with_its_reason(done: dict[str, Any], setti
     assert kept["steps_done"]["publish"] == 2
 
 
-def test_prefect_has_a_task_per_image_and_artifacts(done: dict[str, Any], prefect_api: str) -> None:
+def test_prefect_has_a_task_per_image_and_artifacts(
+    done: dict[str, Any], prefect_api: str, settings: ReprocessOptions
+) -> None:
     from prefect.client.orchestration import get_client
 
     assert done
@@ -98,6 +101,10 @@ def test_prefect_has_a_task_per_image_and_artifacts(done: dict[str, Any], prefec
     assert {"reprocess-store", "reprocess-store-overlays"} <= keys
     (overlays,) = [each["data"] for each in artifact if each["key"] == "reprocess-store-overlays"]
     assert "data:image/jpeg;base64," in overlays
+    for product in (*GOOD, BAD):  # the page of `planetpose view` has the link
+        run = noted_run(settings.folder, product) or {}
+        assert run["url"].endswith(f"/runs/task-run/{run['task_run']}")
+        assert product in run["name"]
 
 
 def test_a_rerun_does_nothing_and_asks_no_server(

@@ -79,6 +79,14 @@ def test_table_is_large_kept_apart_and_always_the_same() -> None:
     assert not any(scene.solvable and scene.is_foreign for scene in scenes)
 
 
+def test_another_draw_has_other_scenes_of_the_same_groups() -> None:
+    first, other = all_scenes(), all_scenes(1)
+    assert [scene.id for scene in first] == [scene.id for scene in other]
+    assert not {scene.seed for scene in first} & {scene.seed for scene in other}
+    assert np.mean([a.radius_px != b.radius_px for a, b in zip(first, other, strict=True)]) > 0.5
+    assert chosen_scenes(None, only=("small-003",), draw=1) == [scene for scene in other if scene.id == "small-003"]
+
+
 def test_every_law_has_solvable_scenes_of_every_size_and_phase() -> None:
     cells = {
         (scene.law, scene.size_class, int(scene.phase_deg > 60)) for scene in all_scenes() if scene.group == "laws"

@@ -24,7 +24,7 @@ from lab.honesty.geometry import (
 from lab.honesty.laws import LAWS, radiance
 from lab.honesty.optics import Blur, Detector, bending, blurred
 from lab.honesty.picture import expose, light_of
-from lab.honesty.scene import LENSES, Other, Scene
+from lab.honesty.scene import FOCAL_SIGMA, LENSES, Other, Scene
 from lab.honesty.solids import Solid, even_directions, random_relief, sample, sphere_noise
 
 RADII_KM = np.array([207.8, 196.7, 190.6])
@@ -306,7 +306,8 @@ def test_metadata_are_wrong_by_what_was_planted(seed: int) -> None:
     turned = predicted.body_from_j2000 @ true.body_from_j2000.T
     angle = np.degrees(np.arccos((np.trace(turned) - 1) / 2))
     assert angle == pytest.approx(np.linalg.norm(errors["attitude_deg"]), rel=1e-6)
-    assert predicted.focal_px == pytest.approx(1.002 * true.focal_px)
+    assert predicted.focal_px == pytest.approx((1 + errors["focal_error"]) * true.focal_px)
+    assert 0 < abs(errors["focal_error"] - 0.002) <= 2 * FOCAL_SIGMA
     to_spacecraft = -true.target_from_spacecraft_km
     assert cos_between(to_spacecraft, true.sun_from_target_km) == pytest.approx(np.cos(np.radians(scene.phase_deg)))
 

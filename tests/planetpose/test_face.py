@@ -57,6 +57,7 @@ PROMISED = [
     "place_of",
     "read_pose_file",
     "stars",
+    "view",
     "write_pose_file",
 ]
 PROMISED_OF_CORRECT = (

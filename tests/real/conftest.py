@@ -1,5 +1,6 @@
 """Fixtures of the tests on real files; the helpers of this folder are imported by name."""
 
+import os
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,11 @@ from tasks.profile import find_profile
 
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory: pytest.TempPathFactory, data_folder: Path) -> Bench:
-    """Where real images are corrected: one cache and one store for the session."""
-    return Bench(tmp_path_factory.mktemp("bench"), data_folder)
+    """Where real images are corrected: a store for the session, and a cache that all processes of the test run share
+    (its keys hold everything that a step depends on, the code too)."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return Bench(tmp_path_factory.mktemp("bench"), data_folder, shared / "bench-cache")
 
 
 @pytest.fixture(scope="session")

@@ -45,7 +45,7 @@ def test_the_page_runs_and_prints_what_it_shows(
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")} | {
         "PATH": f"{folder / 'bin'}{os.pathsep}{os.environ['PATH']}",
         "PYTHONPATH": str(ROOT),
-        "PLANETPOSE_CACHE": str(bench.folder / "cache"),
+        "PLANETPOSE_CACHE": str(bench.cache),
         "PLANETPOSE_STATE": str(bench.folder / "state"),
         "PLANETPOSE_KERNELS": "",
     }

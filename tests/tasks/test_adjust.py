@@ -11,7 +11,7 @@ from tasks.adjust import AdjustSettings, adjust
 from tasks.adjust.factors import mean_factors, survives
 from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import LIGHT_KM_S, Measurement, free_covariance
-from tasks.adjust.report import adjusted_poses, report_of
+from tasks.adjust.report import adjusted, report_of
 from tasks.adjust.sequences import sequences_of
 from tasks.adjust.solve import AT_ATTITUDE
 from tasks.adjust.table import adjustment_table
@@ -99,7 +99,7 @@ def test_shared_attitudes_are_better_than_single_ones_by_the_root_of_their_numbe
 def test_images_that_do_not_share_their_attitude_are_reported_so_and_keep_their_own() -> None:
     images, turns = planted(np.random.default_rng(2), 4, 5, attitude_scatter_deg=0.5)
     found = adjust(images, SETTINGS)
-    report = report_of(images, found, SETTINGS)
+    report = report_of(images, found, adjusted(images, found), SETTINGS)
     consistency, ties = report["consistency"], {row["kind"]: row for row in report["ties"]}
     print(f"scatter {found.scatter}, {consistency}, {ties}")
     assert [kind for kind, row in ties.items() if not row["holds"]] == ["attitude"]
@@ -151,7 +151,7 @@ def test_sequences_are_of_one_camera_and_end_at_a_pause() -> None:
 def test_poses_follow_what_is_shared_and_the_table_names_everything() -> None:
     images, _ = planted(np.random.default_rng(6), 1, 3)
     found = adjust(images, SETTINGS)
-    for image, pose, shared in zip(images, adjusted_poses(images, found), found.shared, strict=True):
+    for image, pose, shared in zip(images, adjusted(images, found).poses, found.shared, strict=True):
         step = difference(State(pose, 0.8), State(image.predicted, 0.8), image.camera)
         assert step[ROLL] == pytest.approx(shared[1], abs=2e-3)
         assert step[ATTITUDE] == pytest.approx(shared[AT_ATTITUDE] - image.turn_offset_deg, abs=5e-3)
@@ -159,7 +159,7 @@ def test_poses_follow_what_is_shared_and_the_table_names_everything() -> None:
         own = np.array([*image.step[2:4], *(image.step[ATTITUDE] + image.turn_offset_deg), image.step[7]])
         same = difference(image.state_with(own, image.step[RANGE]), State(image.predicted, 0.8), image.camera)
         assert same == pytest.approx(image.step, abs=1e-6)
-    table = adjustment_table(report_of(images, found, SETTINGS))
+    table = adjustment_table(report_of(images, found, adjusted(images, found), SETTINGS))
     for word in ("focal scale", images[0].product, "chi-square", "overestimated distance"):
         assert word in table
 

@@ -16,6 +16,7 @@ from tasks.bodies.placed import bodies_of
 from tasks.ingest.bodies import Candidates, bodies_of_image
 from tasks.separations.measure import as_target_of, measured_bodies, separations
 from tasks.simulate import Scene, SceneSettings
+from tasks.simulate.scene import OtherBodiesSettings
 
 CAMERA = Camera(name="masks", size_px=(200, 160), centre_px=(99.5, 79.5), focal_length_px=60_000.0, psf_sigma_px=1.0)
 TARGET = Target(name="alpha", naif_id=1, radii_km=(900.0, 900.0, 900.0))  # 27 px at 2e6 km
@@ -122,3 +123,14 @@ def test_other_bodies_are_measured_and_separations_stated() -> None:
 def _cosine(target_km: np.ndarray, offset_km: np.ndarray) -> float:
     other = target_km + offset_km
     return float(target_km @ other / np.linalg.norm(target_km) / np.linalg.norm(other))
+
+
+def test_margins_are_the_settings_of_the_profile() -> None:
+    body = placed(500.0, -1e5, 500.0)
+    usual = without_target(pose_with(body), CAMERA, TARGET, 1.0)
+    tight = OtherBodiesSettings(blur_sigmas=0, pixel_px=0, place_sigmas=0)
+    least = without_target(pose_with(body), CAMERA, TARGET, 1.0, settings=tight)
+    assert 0 < least.sum() < usual.sum()
+    assert (usual | ~least).all()
+    wide = OtherBodiesSettings(blur_sigmas=12)
+    assert without_target(pose_with(body), CAMERA, TARGET, 1.0, settings=wide).sum() > usual.sum()

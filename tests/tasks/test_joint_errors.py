@@ -9,6 +9,7 @@ import pytest
 from catalog.target import find_target
 from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
+from tasks.attitude.markings import Markings
 from tasks.attitude.texture import texture_of
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.coarse_to_fine import estimated, prior_sigmas
@@ -130,7 +131,8 @@ def test_what_a_map_gets_wrong_of_the_limbs_brightness_is_seen(noise: float, lea
     assert least <= gain <= most
 
 
-def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across() -> None:
+@pytest.mark.parametrize(("correlation", "independent"), [(0.9999, 2000.0), (0.75, 280.0), (0.95, 30.0)])
+def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across(correlation: float, independent: float) -> None:
     camera = small_camera(60.0, (90, 90)).model_copy(update={"centre_px": (44.5, 44.5)})
     scene, truth = scene_of(camera, photometry="mixture"), true_pose(camera, phase_deg=40.0)
     seen = observation_of(scene, truth)
@@ -138,15 +140,19 @@ def test_a_turn_about_the_line_of_sight_is_known_better_than_one_across() -> Non
     start = State(truth, camera.psf_sigma_px)
     estimate = estimated(Problem(seen, scene, start, prior_sigmas(ONCE.priors.file, truth.range_km), ONCE), start)
     assert texture is not None
-    added = with_least_error(estimate, texture, np.zeros(3), LIMITS).covariance - estimate.covariance
+    markings = Markings("matched", correlation=correlation, independent=independent)
+    added = with_least_error(estimate, texture, markings, np.zeros(3), LIMITS).covariance - estimate.covariance
     pose = estimate.state.pose
     sight = pose.camera_from_body.T @ pose.target_in_camera_km / pose.range_km
     across = np.cross(sight, [0.3, -0.5, 0.8])
     across /= np.linalg.norm(across)
     turns = added[ATTITUDE, ATTITUDE]
     pixel_deg = np.degrees(1 / 30)  # the disk's radius is 30 px
-    assert np.sqrt(sight @ turns @ sight) == pytest.approx(LIMITS.about_px * pixel_deg, rel=0.1)
-    assert np.sqrt(across @ turns @ across) == pytest.approx(LIMITS.across_px * pixel_deg, rel=0.1)
+    peak_px = LIMITS.peak_px * np.sqrt((1 - correlation**2) / independent) / correlation
+    across_px = np.hypot(LIMITS.across_px, peak_px)
+    about_px = across_px * LIMITS.about_px / LIMITS.across_px
+    assert np.sqrt(sight @ turns @ sight) == pytest.approx(about_px * pixel_deg, rel=0.1)
+    assert np.sqrt(across @ turns @ across) == pytest.approx(across_px * pixel_deg, rel=0.1)
     assert not added[: ATTITUDE.start].any()
 
 

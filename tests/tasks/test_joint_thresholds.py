@@ -27,7 +27,8 @@ NUMERICS = {
     "contradiction.py": {"MOST"},
     "linearity.py": {"FREE"},
     "beam_bending.py": {"FREE"},
-    "displaced_markings.py": {"TERMS"},
+    "shape.py": {"SHEAR"},
+    "displaced_markings.py": {"UNSEEN", "SEEN", "HELD"},
     "variance_model.py": {"BISECTIONS", "MEDIAN_CHI2"},
     "uncertainty.py": {"INDEPENDENT_LIMBS"},
 }

@@ -18,12 +18,14 @@ from lxml import etree
 import planetpose
 from catalog.camera import Camera, find_camera
 from catalog.celestial import orientation_of_twist
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.spice import kernel_pool
 from catalog.stars.table import ra_dec_deg
 from catalog.target import find_target
+from flows.prediction import refuse_company
+from flows.request import Request
 from lab.stars.separation import Planted, write_separation_scene
 from tasks.astrometry.ades import perm_id
 from tasks.astrometry.observation import ARCSEC
@@ -163,6 +165,23 @@ def test_planted_offsets_of_camera_and_target_come_back_apart(among_stars: Among
     assert max(found["target_offset_sigma_px"]) < 0.1
 
 
+def test_the_overlay_marks_the_stars_and_the_index_has_the_targets_offset(among_stars: AmongStars) -> None:
+    from PIL import Image
+
+    from tasks.publish.index import open_index
+
+    found = among_stars.result["stars"]
+    known = {(each["x_px"], each["y_px"]) for each in found["matches"]}
+    assert not known & {(each["x_px"], each["y_px"]) for each in found["unidentified"]}
+    with Image.open(among_stars.store / "stars/overlay.png") as picture:
+        drawn = np.asarray(picture.convert("RGB"), int)
+    assert drawn.shape[1] > 1200  # the whole frame beside the target
+    assert (np.abs(drawn - [0x00, 0x9E, 0x73]).max(axis=-1) < 12).sum() > 20 * len(known)
+    row = open_index(among_stars.store).iloc[0]
+    assert row["stars"] == found["stars"]
+    assert [row["target_offset_x_px"], row["target_offset_y_px"]] == pytest.approx(found["target_offset_px"])
+
+
 def test_the_tables_of_astrometry_hold_the_true_direction_and_are_valid(
     among_stars: AmongStars, tmp_path: Path
 ) -> None:
@@ -190,7 +209,9 @@ def test_the_tables_of_astrometry_hold_the_true_direction_and_are_valid(
     for name in ("general", "submit"):
         schema = etree.XMLSchema(etree.parse(str(Path(ades.__file__).parent / f"data/xsd/{name}.xsd")))
         assert schema.validate(document), schema.error_log
-    assert [path.name for path in paths] == ["astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"]
+    tables = ["astrometry.csv", "astrometry.vot", "astrometry.ades.xml", "stars.csv"]
+    assert [path.name for path in paths] == [*tables, "astrometry.png"]
+    assert (tmp_path / "out/astrometry.png").stat().st_size > 10_000
 
 
 def test_images_without_stars_are_left_out_of_astrometry(among_stars: AmongStars, tmp_path: Path) -> None:
@@ -210,3 +231,14 @@ def test_images_without_stars_are_left_out_of_astrometry(among_stars: AmongStars
 )
 def test_bodies_have_the_designations_of_the_minor_planet_center(naif_id: int, name: str | None) -> None:
     assert perm_id(naif_id) == name
+
+
+@pytest.mark.parametrize(("option", "more"), [("stars", {"stars": "gaia"}), ("body", {"body": ("io",)})])
+def test_stars_and_bodies_are_refused_with_a_pose_found_in_the_image(
+    tmp_path: Path, option: str, more: dict[str, Any]
+) -> None:
+    request = Request(image=tmp_path / "a.img", store=tmp_path, product="a", pose_file=Path("image"), **more)
+    with pytest.raises(WrongOptionError, match=f"--{option} needs a predicted pose") as refused:
+        refuse_company(request)
+    assert refused.value.option == option
+    refuse_company(request.model_copy(update={"stars": None, "body": ("none",)}))

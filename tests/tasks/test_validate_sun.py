@@ -1,5 +1,6 @@
 """Where the image puts the Sun, and when that is a doubt."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -85,3 +86,23 @@ def test_a_doubt_needs_both_a_size_and_an_error_that_is_smaller(
     seen = SunReport(azimuth_deg=9.0, azimuth_sigma_deg=1.0, **sun)
     assert (doubtful_sun(AcceptSettings(**settings), seen) is not None) == is_doubted
     assert doubtful_sun(AcceptSettings(), SunReport()) is None
+
+
+@pytest.mark.parametrize(("towards", "sure"), [(None, True), (0.0, False), (1.2, False)])
+def test_albedo_that_no_map_shows_is_in_the_error_of_the_sun(towards: float | None, sure: bool) -> None:
+    """A surface that brightens across the disk, and varies at all lengths, as maps of moons do."""
+    truth = true_pose(CAMERA, phase_deg=30.0)
+    scene = scene_of(CAMERA, "lambert")
+    seen = observation_of(scene, truth)
+    if towards is not None:
+        y, x = (np.indices(seen.image.shape) - np.array([57.5, 59.5])[:, None, None]) / 40.0
+        along, across = np.cos(towards) * x + np.sin(towards) * y, np.cos(towards) * y - np.sin(towards) * x
+        pattern = 0.25 * along + 0.15 * np.sin(4 * along) * np.cos(3 * across) + 0.15 * np.sin(3 * across - 1)
+        seen = replace(seen, image=(seen.image * (1 + 0.8 * pattern)).astype(np.float32))
+    found = sun_in_image(seen, truth, scene_of(CAMERA, "mixture"))
+    print(found)
+    assert found.across_deg is not None
+    assert found.across_sigma_deg is not None
+    assert (found.across_sigma_deg < 1.6) == sure
+    assert abs(found.across_deg) < 3 * found.across_sigma_deg
+    assert doubtful_sun(AcceptSettings(), found) is None

@@ -16,12 +16,13 @@ from small_image import PROFILE, TRUE_CENTRE_PX, write_small_archive
 from catalog.pose import read_pose_file, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.spice import KernelLists
+from flows.guided import remember
 from flows.one_image import one_result
 from flows.options import ReprocessOptions
 from flows.progress import Silent
 from flows.requests import requests_of_list
 from flows.trace import known_chain
-from tasks.diagnose.failed_folder import failed_folder, failed_result
+from tasks.diagnose.failed_folder import failed_folder, failed_result, note_result
 from tasks.guidance.decisions import decisions_of
 from tasks.publish.check import product_faults
 from tasks.record import record_in
@@ -123,8 +124,10 @@ def test_a_failed_image_is_helped_in_the_browser_and_a_later_run_agrees(
 
 
 def test_an_image_that_is_gone_is_said(options: ReprocessOptions, tmp_path: Path) -> None:
-    first = one_result(requests_of_list(options)[0], Silent())
-    assert first["status"] == "failed"
+    folder = failed_folder(tmp_path / "out", "small")
+    folder.mkdir(parents=True)
+    note_result(folder, {"status": "failed", "reason": "target-not-found: nowhere."})
+    remember(requests_of_list(options)[0])
     (tmp_path / "small.png").unlink()
     access = Access(port=8080)
     client = TestClient(build_app(tmp_path / "out", access), base_url="http://127.0.0.1:8080")
@@ -132,4 +135,4 @@ def test_an_image_that_is_gone_is_said(options: ReprocessOptions, tmp_path: Path
     job = ended(client, client.post("/api/products/small/redo", headers=token).json())
     assert job["status"] == "refused"
     assert "is gone" in job["reason"]
-    assert failed_result(tmp_path / "out", "small")["reason"] == first["reason"]
+    assert failed_result(tmp_path / "out", "small")["reason"] == "target-not-found: nowhere."

@@ -5,32 +5,21 @@ import gzip
 import io
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from client import client_of
 from fastapi.testclient import TestClient
 from PIL import Image
-from small_product import camera_of, pose_of, small_publication
+from small_product import small_publication
 
-from catalog.basemap import map_of_target
 from catalog.errors import RefusedError, WrongOptionError
-from catalog.observation import Observation
-from catalog.rotation import rotation_from_vector_deg
-from catalog.target import find_target
-from tasks.diagnose.failed_folder import FRAME, failed_folder, frame_dataset, note_result
 from tasks.guidance.decisions import GUIDANCE, decisions_of
-from tasks.pictures.flow_vectors import flow_vectors
-from tasks.pictures.product import Product
 from tasks.publish import publish
-from tasks.publish.cube import open_cube, write_group
-from tasks.simulate import Scene
-from tasks.simulate.window import Window
-from tasks.validate import ValidateSettings
+from tasks.publish.cube import open_cube
 from viewer.app import FAULT, build_app
 from viewer.export import export_store
 from viewer.planes import Planes, levels_of, reduced
-from viewer.product import advice_of
 from viewer.security import Access
 from viewer.serving import listening_socket
 from viewer.table import Table
@@ -45,12 +34,6 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
         result = {"status": "doubtful" if rms > 0.5 else "ok", "reason": None, "limb_rms_px": rms}
         publish(small_publication(f"C000{number}", result={**result, "uncertainty": {"centre_px": [0.1, rms]}}), folder)
     return folder
-
-
-def client_of(store: Path, **access: Any) -> tuple[TestClient, Access]:
-    made = Access(**{"port": 8080, **access})
-    client = TestClient(build_app(store, made), base_url="http://127.0.0.1:8080")
-    return client, made
 
 
 @pytest.fixture
@@ -150,6 +133,18 @@ def test_a_link_from_elsewhere_opens_the_page_and_no_page_may_frame_it(client: T
     assert client.get("/", headers=visit | {"sec-fetch-dest": "iframe"}).status_code == 403
 
 
+def test_a_notebook_may_frame_the_page_by_its_token_alone(store: Path) -> None:
+    client, access = client_of(store, framed=True)
+    frame = {"sec-fetch-site": "cross-site", "sec-fetch-mode": "navigate", "sec-fetch-dest": "iframe"}
+    page = client.get("/", headers=frame, params={"token": access.token})
+    assert (page.status_code, "frame-ancestors" in page.headers["content-security-policy"]) == (200, False)
+    for token in ({}, {"token": "wrong"}):
+        assert client.get("/", headers=frame, params=token).status_code == 403
+        assert "frame-ancestors 'none'" in client.get("/", params=token).headers["content-security-policy"]
+    unframed, other = client_of(store)
+    assert unframed.get("/", headers=frame, params={"token": other.token}).status_code == 403
+
+
 def test_writing_needs_the_token_of_the_page(tmp_path: Path) -> None:
     publish(small_publication("C0001"), tmp_path)
     client, access = client_of(tmp_path)
@@ -245,7 +240,7 @@ def test_files_for_a_web_server_hold_the_same(store: Path, tmp_path: Path) -> No
 
 def test_images_without_a_product_are_in_the_table(store: Path, tmp_path: Path) -> None:
     from flows.options import BOOKS
-    from flows.reprocessing.outcomes import Outcome, write_outcome
+    from tasks.outcomes import Outcome, write_outcome
 
     publish(small_publication("C0001"), tmp_path)
     for name, status in (("C0001", "ok"), ("C0007", "refused")):
@@ -254,84 +249,6 @@ def test_images_without_a_product_are_in_the_table(store: Path, tmp_path: Path) 
     assert [(row["product"], row["reason"]) for row in rows] == [("C0007", "no-limb: none")]
     client, _ = client_of(tmp_path)
     assert client.get("/api/products/C0007").json()["row"]["status"] == "refused"
-
-
-def leave_failed(store: Path, name: str) -> None:
-    """What a failed image leaves: the frame of a small product, result and what was tried."""
-    made = small_publication(name, provenance={"basemap": {"name": "uniform", "sha256": "uniform"}})
-    folder = failed_folder(store, name)
-    folder.mkdir(parents=True)
-    write_group(frame_dataset(made), folder / FRAME, {})
-    reason = "target-not-found: the image shows no such disk. Check the target."
-    note_result(folder, {"product": name, "status": "failed", "reason": reason, "camera": "test", "target": "europa"})
-    content = {"explanations": [{"tried": "as-predicted", "likeness": 0.4, "size": 1.0, "limb_px": None}]}
-    (folder / "tried.json").write_text(json.dumps(content))
-
-
-def test_a_failed_image_has_its_frame_and_can_be_helped(tmp_path: Path) -> None:
-    publish(small_publication("C0001"), tmp_path)
-    leave_failed(tmp_path, "C0002")
-    client, access = client_of(tmp_path)
-    rows = client.get("/api/table", params={"text": "status = failed"}).json()["rows"]
-    assert [(row["product"], row["camera"]) for row in rows] == [("C0002", "test")]
-    page = client.get("/api/products/C0002").json()
-    assert (page["failed"], page["size_px"], page["tried"][0]["likeness"]) == (True, [160, 160], 0.4)
-    assert {"image", "quality", "simulation"} <= {each["name"] for each in page["planes"]}
-    assert "latitude" not in {each["name"] for each in page["planes"]}
-    assert [each["code"] for each in page["advice"]] == ["target-not-found"]
-    image = np.frombuffer(client.get("/api/products/C0002/tiles/image/0/0/0").content, "<f4")
-    simulation = np.frombuffer(client.get("/api/products/C0002/tiles/simulation/0/0/0").content, "<f4")
-    lit = np.isfinite(simulation) & (simulation > 50)
-    assert np.corrcoef(image[lit], simulation[lit])[0, 1] > 0.95
-    assert "no pose of it is confirmed" in client.get("/api/products/C0002/at", params={"x": 1, "y": 1}).json()["fault"]
-    assert client.get("/api/products/C0002/small.png").content.startswith(b"\x89PNG")
-    headers = {"x-planetpose-token": access.token}
-    given = {"action": "help", "why": "there", "help": {"centre_px": [90.0, 60.0]}}
-    made = client.post("/api/products/C0002/decisions", json=given, headers=headers).json()
-    assert len(made["decisions"][0]["options"]["start_offset_px"]) == 2
-    assert export_store(tmp_path, tmp_path.parent / "page") == 2
-    exported = json.loads((tmp_path.parent / "page/data/products/C0002/page.json").read_text())
-    assert (exported["failed"], [each["name"] for each in exported["planes"]]) == (True, ["image", "quality"])
-
-
-def test_damage_in_what_a_failed_image_left_costs_only_that_image(tmp_path: Path) -> None:
-    publish(small_publication("C0001"), tmp_path)
-    for name in ("C0002", "C0003"):
-        leave_failed(tmp_path, name)
-    (failed_folder(tmp_path, "C0002") / "result.json").write_text("{")
-    (failed_folder(tmp_path, "C0003") / "tried.json").write_text("[]")
-    (tmp_path / "secret").mkdir()
-    (tmp_path / ".failed" / "C0004").symlink_to(tmp_path / "secret")
-    client, _ = client_of(tmp_path)
-    rows = client.get("/api/table", params={"sort": "product"}).json()["rows"]
-    assert [row["product"] for row in rows] == ["C0001", "C0003"]
-    assert client.get("/api/products/C0003").json()["tried"] == []
-    assert client.get("/api/products/C0002").status_code == 404
-
-
-def test_what_reasons_mean_is_found_by_their_codes() -> None:
-    reason = "range-conflict: 5 sigma. Look: here. markings-do-not-match: they are elsewhere. own-code: of a plugin."
-    assert [each["code"] for each in advice_of(reason)] == ["range-conflict", "markings-do-not-match"]
-    assert advice_of(None) == []
-
-
-def test_shifts_of_the_markings_are_those_that_were_planted(store: Path, client: TestClient) -> None:
-    """Another pose's simulation stands for the image: its markings lie elsewhere by known pixels."""
-    europa = find_target("europa")
-    camera, after = camera_of(240), pose_of(100.0)
-    scene = Scene(camera, europa, map_of_target(europa))
-    planted = (1.5, -2.0)
-    focal = camera.focal_length_px
-    turn = rotation_from_vector_deg(np.degrees([planted[1] / focal, -planted[0] / focal, 0.0]))
-    true = after.replaced(camera_from_j2000=turn @ after.camera_from_j2000)
-    image = (1000 * scene.render(true, Window(0, 0, 240, 240)).image()).astype(np.float32)
-    observation = Observation(image, np.full_like(image, 1), np.zeros(image.shape, np.uint16))
-    product = Product("C1", observation, after, after, scene, ValidateSettings())
-    found = flow_vectors(product, after)
-    true_px, here_px = (camera.project(pose.target_in_camera_km) for pose in (true, after))
-    assert len(found.xy_px) > 20
-    np.testing.assert_allclose(np.median(found.shift_px, axis=0), true_px - here_px, atol=0.1)
-    assert "no such product" in client.get("/api/products/C9999/flow").json()["detail"]
 
 
 def test_a_port_that_is_taken_is_said() -> None:

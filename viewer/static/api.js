@@ -48,8 +48,17 @@ class Files {
     const content = await getJson(`${this.base}/table.json`);
     this.names = content.columns.map((column) => column.name);
     this.table = content.rows.map((row) => Object.fromEntries(row.map((value, i) => [this.names[i], value])));
+    this.addNeighbours();
     this.kinds = Object.fromEntries(content.columns.map((column) => [column.name, column.kind]));
     return { ...content, rows: undefined, images: this.table.length, read_only: true };
+  }
+  // As viewer/table.py has them.
+  addNeighbours(names = ["sigma_px", "limb_rms_px"], beside = 4) {
+    const key = (row) => `${row.camera}\n${row.utc}`, sorted = [...this.table].sort((a, b) => (key(a) < key(b) ? -1 : 1));
+    sorted.forEach((row, at) => {
+      const near = Array.from({ length: 2 * beside + 1 }, (_, i) => sorted[at + i - beside]);
+      row.neighbours = Object.fromEntries(names.map((name) => [name, near.map((each) => (each?.camera === row.camera ? each[name] : null))]));
+    });
   }
   order({ text = "", sort = "", down = false }) {
     const key = JSON.stringify([text, sort, down]);

@@ -1,8 +1,12 @@
 // Helping a correction: the dragged disk, range, roll, holds, a painted mask; doing it again; before and after.
 import { backend } from "./api.js";
+import { list } from "./side.js";
 
 const POLL_MS = 400;
-const COMPARED = ["status", "centre_px", "offset_px", "range_factor", "roll_deg", "attitude_deg", "limb_rms_px"];
+const COMPARED = [
+  ["verdict", "status"], ["centre, px", "centre_px"], ["range factor", "range_factor"], ["roll, deg", "roll_deg"],
+  ["attitude, deg", "attitude_deg"], ["limb rms, px", "limb_rms_px"], ["limb, robust, px", "limb_robust_px"],
+];
 
 export class Help {
   constructor(picture, on) {
@@ -15,6 +19,9 @@ export class Help {
     this.of("help-best").addEventListener("click", () => this.toBest());
     this.of("redo").addEventListener("click", () => this.redo().catch(on.fault));
   }
+
+  // The panel's own event comes later than the next click may.
+  toggle() { this.of("help-panel").open = !this.of("help-panel").open; this.toggled(); }
 
   get open() { return this.of("help-panel").open && Boolean(this.picture.page); }
   get painting() { return this.of("paint").ariaPressed === "true"; }
@@ -67,8 +74,8 @@ export class Help {
   dragKind([x, y]) {
     if (!this.open) return null;
     if (this.painting) return "paint";
-    const { help, scale } = this.picture, outline = this.picture.helpOutline().filter(Boolean);
-    if (!help || !outline.length) return null;
+    const { help, scale } = this.picture, outline = help ? this.picture.helpOutline().filter(Boolean) : [];
+    if (!outline.length) return null;
     const radius = Math.max(...outline.map((point) => Math.hypot(point[0] - help.x, point[1] - help.y)));
     return Math.hypot(x - help.x, y - help.y) < radius + 12 / scale ? "disk" : null;
   }
@@ -109,7 +116,9 @@ export class Help {
     const button = this.of("redo");
     button.disabled = true;
     try {
-      await backend.decide(page.product, { action: "help", why: this.of("help-why").value, help: await this.given() });
+      const help = await this.given();
+      // Without anything new the image is done again by the help that stands.
+      if (isHelp(help)) await backend.decide(page.product, { action: "help", why: this.of("help-why").value, help });
       let job = await backend.redo(page.product);
       for (const element of [log, progress]) element.hidden = false;
       this.picture.earlier = { product: page.product, limb: page.curves?.after.limb ?? [] };
@@ -127,18 +136,25 @@ export class Help {
   }
 
   compare(before, after) {
-    const table = this.of("before-after"), text = (value) => JSON.stringify(value ?? null, (_, each) => typeof each === "number" ? Number(each.toPrecision(6)) : each).replaceAll('"', "").replaceAll(",", ", ");
-    table.tBodies[0].replaceChildren(...COMPARED.map((name) => {
-      const row = document.createElement("tr"), head = document.createElement("th");
-      head.textContent = name;
-      row.append(head);
-      for (const value of [before[name], after[name]]) row.insertCell().textContent = text(value);
+    const table = this.of("before-after");
+    const text = (of, name) => {
+      const sigma = of.uncertainty?.[name];
+      return list(of[name] ?? "none", 5) + (sigma === null || sigma === undefined ? "" : `\n± ${list(sigma, 2)}`);
+    };
+    table.tBodies[0].replaceChildren(...COMPARED.map(([head, name]) => {
+      const row = document.createElement("tr"), first = document.createElement("th");
+      first.textContent = head;
+      row.append(first);
+      for (const each of [before, after]) row.insertCell().textContent = text(each, name);
       return row;
     }));
     table.hidden = false;
     this.of("log").hidden = false;
+    table.scrollIntoView({ block: "nearest" });
   }
 }
+
+const isHelp = (help) => Boolean(help.centre_px || help.range_factor !== 1 || help.roll_deg || help.hold.length || help.profile || help.mask);
 
 async function inBase64(canvas) {
   const bytes = new Uint8Array(await (await canvas.convertToBlob({ type: "image/png" })).arrayBuffer());

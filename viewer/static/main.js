@@ -189,6 +189,12 @@ async function ask(text) {
 }
 of("filter").addEventListener("input", () => { clearTimeout(typed); typed = setTimeout(() => ask(of("filter").value), 150); });
 of("filter-form").addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(typed); ask(of("filter").value); of("table").focus(); });
+async function worstFirst() {
+  await table.ask({ ...table.asked, sort: "worst", down: true });
+  const row = await table.rowAt(0);
+  if (row) await choose(row.product, 0);
+}
+of("worst").addEventListener("click", guarded(worstFirst));
 const PRESET = ["sigma > 0.1", "status = doubtful", "limb > 0.5", "review = \"\" and status = doubtful", "not status = ok"];
 function saved() { try { return JSON.parse(localStorage.getItem("planetpose-filters")) ?? PRESET; } catch { return PRESET; } }
 function listSaved() { of("saved-filters").replaceChildren(...saved().map((text) => new Option(text))); }
@@ -240,7 +246,13 @@ of("find").addEventListener("change", guarded(async () => {
 }));
 for (const action of ["accept", "reject", "note"]) of(action).addEventListener("click", guarded(() => decide(action)));
 of("undo").addEventListener("click", guarded(undo));
-async function undo() { if (state.product && !state.about.read_only) taken(await backend.undo(state.product)); }
+async function undo() {
+  if (!state.product || state.about.read_only) return;
+  const before = state.page.decisions ?? [], answer = await backend.undo(state.product);
+  taken(answer);
+  const undone = answer.decisions.find((each, i) => each.undone && !before[i]?.undone);
+  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product is still the one made with it: Redo makes it without.";
+}
 
 window.addEventListener("hashchange", guarded(async () => {
   const product = decodeURIComponent(location.hash.slice(1));
@@ -252,9 +264,9 @@ const KEYS = {
   "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
   "a": ["accept, and go on", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
   "n": ["note", () => decide("note")], "u": ["undo the latest decision", undo],
-  "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
+  "w": ["worst first", worstFirst], "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
   "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink with the other plane", () => of("blink").click()],
-  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => { of("help-panel").open = !of("help-panel").open; }],
+  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => help.toggle()],
   "0": ["whole frame", () => picture.fit()], "9": ["the disk", () => picture.fitDisk()], "+": ["closer", () => picture.zoom(1.5)], "-": ["farther", () => picture.zoom(1 / 1.5)],
   "?": ["this list", () => of("keys").click()],
 };

@@ -206,8 +206,12 @@ export class Picture {
     if (top && limb.length) this.text(name, this.screenAt(top));
   }
 
-  drawStar({ xy, magnitude, used }) {
+  drawStar({ xy, star, magnitude, used }) {
     const [x, y] = this.screenAt(xy), circle = [];
+    if (!star) {  // a star image that no star was found for
+      const square = [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]].map(([dx, dy]) => [x + 5 * dx, y + 5 * dy]);
+      return this.line(square, { ...STYLE.star, width: 0.9 }, true);
+    }
     for (let i = 0; i <= 24; i++) circle.push([x + STAR_PX * Math.cos(i * Math.PI / 12), y + STAR_PX * Math.sin(i * Math.PI / 12)]);
     this.line(circle, { ...STYLE.star, dash: used ? [] : [2, 2] }, true);
     this.context.font = "11px system-ui, sans-serif";

@@ -1,14 +1,18 @@
 // The panel at the side: verdict, values with sigmas, decisions.
 const of = (id) => document.getElementById(id);
 const figure = (value, digits = 5) => typeof value === "number" ? String(Number(value.toPrecision(digits))) : String(value);
-const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => figure(each, digits)).join(", ")})` : figure(value, digits);
+export const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => figure(each, digits)).join(", ")})` : figure(value, digits);
 
 const VALUES = [
   ["camera", "camera"], ["target", "target"], ["time", "utc"], ["pose from", "pose_source"], ["profile", "profile"],
+  ["disk radius, px", "radius_px", 4], ["phase, deg", "phase_deg", 4],
   ["centre, px", "centre_px"], ["offset, px", "offset_px"], ["range factor", "range_factor", 8], ["range, free", "range_factor_free", 6],
   ["roll, deg", "roll_deg"], ["attitude, deg", "attitude_deg", 3], ["PSF sigma, px", "psf_sigma_px", 3],
   ["limb rms, px", "limb_rms_px", 3], ["limb, robust, px", "limb_robust_px", 3], ["limb points", "limb_points"], ["limb disagreeing", "limb_disagreeing", 3],
 ];
+
+// Rows whose place among the images of the same camera is stated where it is high.
+const RANKS = { centre_px: "sigma_px", limb_rms_px: "limb_rms_px", offset_px: "offset_px" };
 
 export function showSide(page, row) {
   const result = page.result ?? {};
@@ -31,7 +35,9 @@ export function showSide(page, row) {
     line.append(head);
     const second = page.other?.[key];
     const differs = second !== undefined && second !== null && String(second) !== String(value) ? `\nother: ${list(second, digits)}` : "";
-    line.insertCell().textContent = list(value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs;
+    const rank = page.ranks?.[RANKS[key]];
+    const place = rank >= 0.9 ? `\n${key === "centre_px" ? "sigma " : ""}larger than ${Math.floor(100 * rank)} % of this camera's` : "";
+    line.insertCell().textContent = list(key === "utc" ? String(value).slice(0, 19).replace("T", " ") : value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs + place;
     return line;
   }));
   of("decisions").replaceChildren(...(page.decisions ?? []).map((decision) => {

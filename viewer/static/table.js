@@ -2,10 +2,10 @@
 import { backend } from "./api.js";
 
 const ROW_PX = 26, PAGE = 100;
-const WIDTHS = { product: 134, status: 68, reason: 420, camera: 130, utc: 150, note: 180, review: 74 };
-const SHOWN = ["product", "status", "sigma_px", "limb_rms_px", "review", "offset_px", "camera", "phase_deg", "radius_px", "utc", "reason"];
+const WIDTHS = { product: 134, status: 68, reason: 260, camera: 130, utc: 150, note: 180, review: 74 };
+const SHOWN = ["product", "status", "sigma_px", "limb_rms_px", "review", "reason", "offset_px", "camera", "phase_deg", "radius_px", "utc"];
 const HEADINGS = { sigma_px: "σ, px", limb_rms_px: "limb rms, px", offset_px: "offset, px", phase_deg: "phase", radius_px: "radius, px", status: "verdict", range_factor: "range x" };
-const BARS = { sigma_px: [0.001, 10], limb_rms_px: [0.01, 10] };  // ends of the logarithmic bars, px
+const ENDS = { sigma_px: [0.001, 10], limb_rms_px: [0.01, 10] };  // of the sparklines' logarithmic scale, px
 
 export class Table {
   constructor(elements, on) {
@@ -51,7 +51,7 @@ export class Table {
     }));
   }
 
-  width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in BARS ? 104 : 88); }
+  width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in ENDS ? 116 : 88); }
 
   // Another filter or order. Throws what is wrong with it.
   async ask(asked) {
@@ -145,28 +145,42 @@ export class Table {
     cell.role = "gridcell";
     cell.style.width = `${this.width(column)}px`;
     if (value === null || value === undefined) return cell;
-    if (column.name in BARS) cell.append(bar(value, BARS[column.name]));
+    const series = content.neighbours?.[column.name];
+    if (series && value > 0) cell.append(sparkline(series, value, ENDS[column.name]));
     cell.append(shown(value, column));
-    cell.title = String(value);
+    cell.title = series ? `${value}; beside it the images of this camera before and after` : String(value);
     if (["status", "review"].includes(column.name)) cell.classList.add(value || "none");
     return cell;
   }
 }
 
 export function shown(value, column) {
-  if (column.kind === "number") return Number.isInteger(value) ? String(value) : Math.abs(value) >= 1e5 ? value.toExponential(2) : value.toPrecision(4);
+  if (column.kind === "number") return Number.isInteger(value) ? String(value) : Math.abs(value) >= 1e5 ? value.toExponential(2) : column.name in ENDS ? value.toPrecision(3) : value.toPrecision(4);
   return column.kind === "time" ? String(value).slice(0, 19).replace("T", " ") : String(value);
 }
 
-// A small bar whose length is the logarithm of the value; orange in its upper third.
-function bar(value, [low, high]) {
-  const share = Math.min(Math.max(Math.log(value / low) / Math.log(high / low), 0.02), 1);
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), rect = document.createElementNS(svg.namespaceURI, "rect");
-  for (const [name, size] of [["width", 46], ["height", 9]]) svg.setAttribute(name, size);
+// The values of the images that the same camera took before and after this one, logarithmic; this one is the dot,
+// orange in the upper third of the scale.
+function sparkline(values, own, [low, high]) {
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg"), make = (name, attributes) => {
+    const element = document.createElementNS(svg.namespaceURI, name);
+    for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
+    svg.append(element);
+  };
+  for (const [name, size] of [["width", 54], ["height", 20]]) svg.setAttribute(name, size);
   svg.setAttribute("aria-hidden", "true");
-  for (const [name, at] of [["width", 44 * share], ["height", 9], ["fill", share > 0.67 ? "#e69f00" : "#56b4e9"]]) rect.setAttribute(name, at);
-  svg.append(rect);
+  const share = (value) => Math.min(Math.max(Math.log(value / low) / Math.log(high / low), 0), 1);
+  const at = (value, i) => [3 + (48 * i) / (values.length - 1), 17 - 14 * share(value)];
+  let path = "", drawing = false;
+  values.forEach((value, i) => {
+    if (!(value > 0)) { drawing = false; return; }
+    path += `${drawing ? "L" : "M"}${at(value, i).map((each) => each.toFixed(1)).join(" ")}`;
+    drawing = true;
+  });
+  make("path", { d: path || "M0 0", fill: "none", stroke: "#8795a3", "stroke-width": 1 });
+  const [x, y] = at(own, (values.length - 1) / 2);
+  make("circle", { cx: x, cy: y, r: 2.6, fill: share(own) > 0.67 ? "#e69f00" : "#56b4e9" });
   svg.style.cssFloat = "left";
-  svg.style.marginTop = "6px";
+  svg.style.marginTop = "1px";
   return svg;
 }

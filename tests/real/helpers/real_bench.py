@@ -23,10 +23,11 @@ PLANETPOSE = [sys.executable, "-c", "from flows.cli import main; main()"]
 
 @dataclass(frozen=True)
 class Bench:
-    """folder: cache, store and what the tests write. data: the real mission files."""
+    """folder: stores and what the tests write. data: the real mission files. cache: of steps that were done."""
 
     folder: Path
     data: Path
+    cache: Path
 
     def image(self, name: str) -> Path:
         """One of the real images, such as `galileo/C0552809300R.IMG`."""
@@ -34,7 +35,7 @@ class Bench:
 
     def request(self, image: Path, store: str = "out", **options: Any) -> Request:
         """A request without kernels, unless `options` name some."""
-        given = {"kernels": (), "cache": self.folder / "cache"} | options
+        given = {"kernels": (), "cache": self.cache} | options
         return Request(image=image, store=self.folder / store, **given)
 
     def correct(self, image: Path, store: str = "out", **options: Any) -> dict[str, Any]:
@@ -66,7 +67,7 @@ class Bench:
 
     def command(self, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
         """Run planetpose in a process of its own, in the bench's folder, with the bench's cache."""
-        own = {"PLANETPOSE_CACHE": str(self.folder / "cache"), "PLANETPOSE_STATE": str(self.folder / "state")}
+        own = {"PLANETPOSE_CACHE": str(self.cache), "PLANETPOSE_STATE": str(self.folder / "state")}
         inherited = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
         return subprocess.run(
             [*PLANETPOSE, *map(str, arguments)],

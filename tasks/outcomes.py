@@ -30,6 +30,7 @@ class Outcome:
     fault may be gone by itself. tries: how many runs ended like this while nothing changed. key: of the
     published product. seconds, cpu_s: by the clock, and of the processor. steps: per step seconds, peak_mb, cached.
     at: UTC of the end. run: the run that did it. source: of an image at an address, see `catalog.fetch.remote`.
+    fingerprint: of all that a published image was made from, None where that is not known.
     """
 
     product: str
@@ -52,6 +53,7 @@ class Outcome:
     target: str | None = None
     profile: str | None = None
     limb_rms_px: float | None = None
+    fingerprint: str | None = None
     steps: dict[str, dict[str, Any]] = field(default_factory=dict)
     source: dict[str, Any] | None = None
 
@@ -127,7 +129,12 @@ def _exchange(path: Path, content: Json) -> None:
 
 def all_outcomes(books: Path) -> Iterator[Outcome]:
     """Every outcome of a store, by product, without its trace."""
-    for path in sorted((books / IMAGES).glob("[!.]*.json")):
-        outcome = _read(path)
+    folder = str(books / IMAGES)
+    try:
+        names = sorted(name for name in os.listdir(folder) if name[0] != "." and name.endswith(".json"))
+    except OSError:  # no run yet
+        return
+    for name in names:
+        outcome = _read(Path(folder, name))
         if outcome is not None:
             yield outcome

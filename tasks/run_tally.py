@@ -1,4 +1,4 @@
-"""How a run went, in figures and tables."""
+"""How a reprocessing run went, in figures and tables."""
 
 import csv
 import json
@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from catalog.safe_name import TABLE
-from flows.options import ReprocessOptions
-from flows.reprocessing.outcomes import Outcome
 from tasks.atomic import file_put_in_place
 from tasks.boundary import PUBLISHED
 from tasks.objectstore.state import RUNS
+from tasks.outcomes import Outcome
 
 STATUSES = (*PUBLISHED, "refused", "failed")
 COLUMNS = ("product", "status", "reason", "done", "why", "seconds", "peak_mb", "tries", "camera", "target", "utc")
@@ -94,11 +93,11 @@ def row_of(product: str, outcome: Outcome | None, done: bool, why: str) -> dict[
     return {"product": product, "status": "failed", "reason": None, **known, "done": done, "why": why}
 
 
-def write_tables(options: ReprocessOptions, run: str, summary: dict[str, Any], rows: Iterable[dict[str, Any]]) -> Path:
-    """Write the run's table and summary, and the same as `reprocess.csv` and `reprocess.json` of the store; returns the
-    path of the latter's table."""
-    latest = options.folder / f"{TABLE}.csv"
-    kept = options.books / RUNS / f"{run}.csv"
+def write_tables(store: Path, books: Path, run: str, summary: dict[str, Any], rows: Iterable[dict[str, Any]]) -> Path:
+    """Write the run's table and summary into the folder `books`, and the same as `reprocess.csv` and `reprocess.json`
+    of the store; returns the path of the latter's table."""
+    latest = store / f"{TABLE}.csv"
+    kept = books / RUNS / f"{run}.csv"
     with file_put_in_place(kept) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()

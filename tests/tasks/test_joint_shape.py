@@ -1,0 +1,60 @@
+"""Another shape than the target's: a doubt where no markings show which body it is."""
+
+import numpy as np
+import pytest
+
+from catalog.target import find_target
+from lab.simulate.small_world import scene_of, small_camera, true_pose
+from tasks.joint.displaced_markings import SEEN, UNSEEN, Displacement
+from tasks.joint.shape import doubt_of_shape, shear_of_outline
+from tasks.joint.thresholds import Thresholds
+from tasks.simulate import Scene
+
+CAMERA = small_camera(90.0, (124, 124)).model_copy(update={"centre_px": (61.5, 61.5)})
+LIMITS = Thresholds()
+
+
+def displacement(shear_px: tuple[float, float], noise_px: float = 0.08) -> Displacement:
+    found = np.zeros(SEEN)
+    found[:2] = shear_px
+    return Displacement(0.1, found, np.eye(SEEN) * noise_px**2, np.zeros((8, UNSEEN + SEEN)))
+
+
+def of(name: str, **changed: float) -> Scene:
+    scene = scene_of(CAMERA)
+    return Scene(CAMERA, find_target(name).model_copy(update=changed), scene.basemap, settings=scene.settings)
+
+
+@pytest.mark.parametrize(
+    ("name", "shear_px", "noise_px", "doubted"),
+    [
+        ("triton", (0.05, -0.1), 0.08, False),
+        ("triton", (0.3, -0.3), 0.08, True),
+        ("triton", (0.3, -0.3), 0.2, False),
+        ("tethys", (-0.8, -0.25), 0.1, True),
+    ],
+)
+def test_an_outline_beyond_its_error_is_doubted(
+    name: str, shear_px: tuple[float, float], noise_px: float, doubted: bool
+) -> None:
+    scene, pose = of(name), true_pose(CAMERA, phase_deg=50.0)
+    doubt = doubt_of_shape(displacement(shear_px, noise_px), pose, scene, 3.0, LIMITS)
+    assert (doubt is not None) == doubted
+    if doubt:
+        assert doubt.startswith("shape-disagrees: ")
+
+
+def test_relief_that_the_target_s_file_states_is_no_other_shape() -> None:
+    pose, found = true_pose(CAMERA, phase_deg=50.0), displacement((0.5, 0.3))
+    assert doubt_of_shape(found, pose, of("triton", relief_km=0.0), 3.0, LIMITS) is not None
+    assert doubt_of_shape(found, pose, of("triton", relief_km=30.0), 3.0, LIMITS) is None
+
+
+def test_the_outline_of_a_sphere_does_not_turn_and_that_of_an_ellipsoid_does() -> None:
+    pose, few = true_pose(CAMERA, phase_deg=50.0), LIMITS.orientation.fewest_directions
+    sphere = shear_of_outline(pose, of("triton", relief_km=0.0), 10.0, few)
+    assert np.abs(sphere).max() == pytest.approx(0, abs=1e-9)
+    mimas = of("mimas", relief_km=0.0)
+    once, thrice = (np.trace(shear_of_outline(pose, mimas, sigma, few)) for sigma in (2.0, 6.0))
+    assert once > 0
+    assert thrice == pytest.approx(9 * once, rel=0.5)
