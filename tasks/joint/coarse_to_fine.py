@@ -13,7 +13,7 @@ from tasks.joint.blur import blurred_start
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.gauss_newton import Line, Solution, solve_joint
-from tasks.joint.limb_observation import shown_by
+from tasks.joint.limb_observation import LimbObservation, shown_by
 from tasks.joint.limb_response import limb_response
 from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
@@ -96,7 +96,8 @@ def estimated(given: Problem, start: State) -> Estimate:
     response = np.diag(level.step_up(np.ones(len(NAMES)))) @ limb_response(free) / level.n
     own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
-    common = of_bending + of_the_body(scene.target, radius, response, shape_shown_px(free, level))
+    limb = limb_seen(free, level)
+    common = of_bending + of_the_body(scene.target, radius, response, limb.coherent_px if limb else 0.0)
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)
     by_detector = level.step_up(linearity.moved)
@@ -105,6 +106,8 @@ def estimated(given: Problem, start: State) -> Estimate:
     unmodelled = distortion.bending is None and distortion.smooth_px == 0
     expected_px = settings.displaced_px
     displacement = displacement_shown(free, level, expected_px) if unmodelled and expected_px is not None else None
+    if displacement and limb:
+        displacement = displacement.at_most(limb.largest_term_px)
     if displacement:
         common += displacement.covariance
     common += systematic(usual, radius, distortion.smooth_px) - systematic(usual, radius)
@@ -135,12 +138,12 @@ def solved_free(given: Problem, start: State) -> tuple[Solution, Level]:
     return solved_at(level, given.with_settings(oversample=oversample), level.up(near.state), near), level
 
 
-def shape_shown_px(free: Solution, level: Level) -> float:
-    """By how much, px RMS, whole arcs of the image's limb lie off the ellipsoid's; 0 where too little is measured."""
+def limb_seen(free: Solution, level: Level) -> LimbObservation | None:
+    """What the image's limb shows from the free solution; None where too little is measured."""
     try:
-        return shown_by(free, level, np.zeros(len(NAMES)))[0].coherent_px
+        return shown_by(free, level, np.zeros(len(NAMES)))[0]
     except FailedError:
-        return 0.0
+        return None
 
 
 def with_range_prior(estimate: Estimate, given: Problem) -> Estimate:

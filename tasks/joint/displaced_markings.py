@@ -7,7 +7,7 @@ errors make of it, is estimated by moments; the parts that cannot be seen are ta
 the others, and what the solution moves by under all of them is added to its errors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -43,6 +43,10 @@ class Displacement:
     def covariance(self) -> Array:
         """(8, 8) of what the solution may be off by."""
         return np.asarray(self.size_px**2 * self.response @ self.response.T)
+
+    def at_most(self, size_px: float) -> "Displacement":
+        """The same with terms of this size at most: a map's errors displace markings, but not the limb."""
+        return replace(self, size_px=min(self.size_px, size_px))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain JSON values."""

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_errors import coherent_px, shared_along
+from tasks.compare.limb_errors import EDGE_PX, coherent_px, shared_along
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match, framed_window, match_scene
+from tasks.joint.displaced_markings import UNSEEN, terms
 from tasks.joint.gauss_newton import Solution
 from tasks.joint.parameters import NAMES, State
 from tasks.joint.pyramid import Level
@@ -24,14 +25,16 @@ OBSERVED = slice(0, 3)
 @dataclass(frozen=True)
 class LimbObservation:
     """step (3,) of centre and range that the limb measures, its covariance (3, 3), how far (px, RMS along the segments)
-    it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), and how many parts of it err
-    on their own."""
+    it lies now, by how much whole arcs of it lie off after the step (see `coherent_px`), how many parts of it err on
+    their own, and how large the terms of a displacement (`displaced_markings.terms`) may be, 1-sigma, that leaves no
+    more of the limb off than is."""
 
     step: Array
     covariance: Array
     rms_px: float
     coherent_px: float = 0.0
     independent: float = 18.0
+    largest_term_px: float = np.inf
 
     def after(self, moved: Array) -> "LimbObservation":
         """The same from a state that is `moved` (8,) away; how far the limb then lies is not known."""
@@ -61,7 +64,12 @@ def in_image(found: LimbObservation, level: Level) -> LimbObservation:
     unit = np.array([level.n, level.n, 1.0])
     covariance = found.covariance * np.outer(unit, unit)
     return LimbObservation(
-        unit * found.step, covariance, level.n * found.rms_px, level.n * found.coherent_px, found.independent
+        unit * found.step,
+        covariance,
+        level.n * found.rms_px,
+        level.n * found.coherent_px,
+        found.independent,
+        level.n * found.largest_term_px,
     )
 
 
@@ -86,7 +94,14 @@ def observation_of_edges(edges: LimbEdges, centre_px: Array) -> LimbObservation:
     rms_px = float(np.sqrt(np.mean(edges.shift_px**2)))
     independent = len(left) / shared_along(left, found.angle_deg)
     shape_px = coherent_px(left, found.angle_deg)
-    return LimbObservation(step, found.covariance * np.outer(sign, sign), rms_px, shape_px, independent)
+    x, y = ((edges.segments.xy_px - centre_px) / np.mean(away)).T
+    shown = [u * edges.segments.normal[:, 0] + v * edges.segments.normal[:, 1] for u, v in terms(x, y)[UNSEEN:]]
+    left_by = np.stack(shown, axis=1)
+    left_by = left_by - found.design @ np.linalg.lstsq(found.design, left_by, rcond=None)[0]
+    per_term = float(np.sqrt(np.mean(np.sum(left_by**2, axis=1))))
+    largest_px = float(np.hypot(shape_px, EDGE_PX)) / max(per_term, 1e-12)
+    covariance = found.covariance * np.outer(sign, sign)
+    return LimbObservation(step, covariance, rms_px, shape_px, independent, largest_px)
 
 
 def design_of(edges: LimbEdges, centre_px: Array) -> Array:

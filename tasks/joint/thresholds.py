@@ -146,7 +146,9 @@ class ContradictionThresholds(BaseModel):
         0.05, "What map and laws may displace of a limb without a trace in the residuals, px, 1-sigma. Choice."
     )
     chance_size: float = _threshold(
-        2.0, "A displacement whose terms exceed their noise by fewer sigmas is chance. Choice."
+        3.0,
+        "A displacement whose terms exceed their noise by fewer sigmas is chance: 1 % of images without one exceed it, "
+        "for eight terms of equal noise. Eight scenes with 0.3 px exceed it by 3.7 sigmas or more.",
     )
     chance_shape: float = _threshold(
         0.01,

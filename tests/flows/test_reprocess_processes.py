@@ -109,7 +109,7 @@ def test_claims_of_the_dead_are_swept_and_those_of_the_living_are_not(tmp_path: 
 
 @pytest.mark.parametrize(("fault", "attempts"), [("passing", 3), ("refused", 1)])
 def test_prefect_tries_again_only_after_faults_that_can_pass(
-    prefect_api: str, monkeypatch: pytest.MonkeyPatch, fault: str, attempts: int
+    prefect_api: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str, attempts: int
 ) -> None:
     from types import SimpleNamespace
 
@@ -128,7 +128,7 @@ def test_prefect_tries_again_only_after_faults_that_can_pass(
 
     @flow
     def one_image() -> Any:
-        return task("small", {}, return_state=True)
+        return task("small", {"request": {"store": str(tmp_path)}}, return_state=True)
 
     state = one_image(return_state=True)
     assert seen == [fault] * attempts

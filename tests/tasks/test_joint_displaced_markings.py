@@ -15,15 +15,17 @@ ONCE = JointSettings(second_start=False)
 RADIUS_PX, SIDE = 60.0, 170
 
 
-def bent(picture: np.ndarray, rms_px: float, strengths: dict[int, float]) -> np.ndarray:
-    """The picture displaced by a smooth field about its middle, `rms_px` over the disk: terms by their number."""
+def bent(picture: np.ndarray, rms_px: float, strengths: dict[int, float], still: float = np.inf) -> np.ndarray:
+    """The picture displaced by a smooth field about its middle, `rms_px` over the disk: terms by their number. From
+    `still` radii on nothing moves, as under a map whose places are off."""
     y, x = np.indices(picture.shape, np.float32)
     u, v = (x - SIDE / 2) / RADIUS_PX, (y - SIDE / 2) / RADIUS_PX
     known = terms(u, v)
     field = sum(strength * np.stack(known[number]) for number, strength in strengths.items())
     inside = np.hypot(u, v) < 1
     size = np.sqrt(((field[:, inside] - field[:, inside].mean(axis=1, keepdims=True)) ** 2).sum(axis=0).mean())
-    dx, dy = (rms_px / size * field).astype(np.float32)
+    moving = 1.0 if np.isinf(still) else np.clip((still - np.hypot(u, v)) / 0.2, 0, 1)
+    dx, dy = (rms_px / size * field * moving).astype(np.float32)
     return cv2.remap(picture.astype(np.float32), x - dx, y - dy, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
 
 
@@ -50,6 +52,18 @@ def test_a_distortion_is_shown_and_is_in_the_errors(rms_px: float, strengths: di
     if rms_px == 0:
         assert reported["size_px"] == 0
         assert (sigma < 0.03).all()
+
+
+def test_markings_that_are_displaced_without_the_limb_are_the_maps_errors() -> None:
+    camera = small_camera(2 * RADIUS_PX, (SIDE, SIDE)).model_copy(update={"centre_px": (SIDE / 2, SIDE / 2)})
+    scene, truth = scene_of(camera, photometry="mixture"), true_pose(camera, phase_deg=20)
+    picture, sizes = clean_image(scene, truth), {}
+    for still in (0.95, np.inf):
+        seen = observed(bent(picture, 0.4, {5: 0.5, 8: 0.5, 9: 0.5}, still))
+        found = find_pose_jointly(seen, truth, truth, "file", scene, ONCE)
+        sizes[still] = found.evidence["displacement"]["size_px"]
+    print(f"\n{sizes}")
+    assert sizes[0.95] < 0.5 * sizes[np.inf]
 
 
 def test_a_camera_that_knows_its_distortion_is_not_tried() -> None:
