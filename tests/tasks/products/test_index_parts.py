@@ -1,7 +1,6 @@
 """The index of a large store: a folder of parts that stay what they are when other products change."""
 
 import json
-import os
 import random
 import shutil
 from pathlib import Path
@@ -164,9 +163,9 @@ def test_a_store_that_may_not_be_written_to_has_its_index_in_memory(product, tmp
     filled(product, tmp_path, 5)
     open_index(tmp_path)
     put(product, tmp_path, "P05")
-    os.chmod(tmp_path / ".index.lock", 0o400)
-    if os.access(tmp_path / ".index.lock", os.W_OK):
-        pytest.skip("this user may write everywhere")
+    # A file that nobody may open for writing, not even root.
+    (tmp_path / ".index.lock").unlink()
+    (tmp_path / ".index.lock").mkdir()
     assert update_index(tmp_path, ["P05"]) == 0
     assert len(open_index(tmp_path)) == 6
 
