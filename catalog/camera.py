@@ -78,7 +78,7 @@ class Camera(BaseModel):
     valid_window: tuple[int, int, int, int] | None = None  # x0, y0, width, height in the raw frame
     focal_plane: FocalPlane | None = None  # None: an upright detector of square pixels with the boresight at centre_px
     distortion: Distortion = Distortion()
-    psf_sigma_px: float = Field(default=0.7, ge=0)
+    psf_sigma_px: float = Field(default=0.7, ge=0, le=20)
     noise: Noise = Noise()
     saturation_dn: float | None = None
     naif_spacecraft_id: int | None = None

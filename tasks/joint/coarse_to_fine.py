@@ -16,7 +16,7 @@ from tasks.joint.gauss_newton import Line, Solution, solve_joint
 from tasks.joint.limb_observation import LimbObservation, shown_by
 from tasks.joint.limb_response import limb_response
 from tasks.joint.linearity import Linearity, linearity_of
-from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
+from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
 from tasks.joint.thresholds import PyramidThresholds
@@ -162,7 +162,7 @@ def with_range_prior(estimate: Estimate, given: Problem) -> Estimate:
         grown = growth_of(own[RANGE : RANGE + 1, RANGE : RANGE + 1], np.array([[others]]), np.array([surplus]))
         errors = grown * own + estimate.common
     gain = errors[:, RANGE] / (errors[RANGE, RANGE] + prior**2)
-    product = state.moved(-gain * surplus, camera)
+    product = state.moved(with_psf_within(-gain * surplus, given.thresholds.iteration.largest_psf), camera)
     return replace(estimate, state=product, covariance=errors - np.outer(gain, errors[RANGE]))
 
 

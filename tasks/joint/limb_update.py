@@ -19,7 +19,7 @@ from catalog.reasons import Reason
 from tasks.joint.coarse_to_fine import Estimate, with_range_prior
 from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.limb_observation import OBSERVED, LimbObservation, limb_observation, shown_by
-from tasks.joint.parameters import OFFSET, RANGE, difference
+from tasks.joint.parameters import OFFSET, RANGE, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
 
@@ -166,8 +166,9 @@ def limb_filter(given: Problem, level: Level, estimate: Estimate, seen: Witnesse
         grown = seen.growth()
         gain = grown * own[:, OBSERVED] @ np.linalg.inv(grown * own[OBSERVED, OBSERVED] + seen.limb.covariance)
         errors = grown * own - gain @ (grown * own[OBSERVED])
-        moved = difference(estimate.free_state.moved(gain @ wanted, camera), state, camera)
-        state = estimate.free_state.moved(gain @ wanted, camera)
+        step = with_psf_within(gain @ wanted, given.thresholds.iteration.largest_psf)
+        moved = difference(estimate.free_state.moved(step, camera), state, camera)
+        state = estimate.free_state.moved(step, camera)
         if given.progress:
             given.progress("limb", number, f"{seen.limb.rms_px:.2f} px off, moved {np.hypot(*moved[OFFSET]):.3f} px")
         if np.hypot(*moved[OFFSET]) < limits.limb_still_px or number == limits.limb_rounds:

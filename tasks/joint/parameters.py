@@ -55,6 +55,14 @@ class State:
         return State(self.pose, self.psf_sigma_px, (float(x), float(y)))
 
 
+def with_psf_within(step: Array, largest: float) -> Array:
+    """A step (8,) of a linear update, its change of the PSF's width (natural logarithm) no larger than `largest`: what
+    other unknowns make of the PSF by their correlation holds no farther."""
+    bounded = np.array(step, dtype=np.float64)
+    bounded[PSF] = np.clip(bounded[PSF], -largest, largest)
+    return bounded
+
+
 def rolled(pose: Pose, roll_deg: float) -> Pose:
     """Pose whose camera sees the target turned by `roll_deg` about the line of sight, from +x towards +y; its centre
     stays."""

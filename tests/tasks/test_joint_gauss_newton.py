@@ -16,7 +16,7 @@ from tasks.joint.coarse_to_fine import prior_sigmas
 from tasks.joint.cutout import Cutout
 from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still, tiles_at
 from tasks.joint.model import Model, linear_model
-from tasks.joint.parameters import NAMES, OFFSET, RANGE, State, difference
+from tasks.joint.parameters import NAMES, OFFSET, PSF, RANGE, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.surface import fine_surface
 from tasks.joint.tiles import layout_for
@@ -145,3 +145,16 @@ def test_a_trail_is_that_of_its_second_moment(length_px: float, angle_deg: float
     assert np.hypot(x, y) == pytest.approx(length_px)
     assert np.degrees(np.arctan2(y, x)) % 180 == pytest.approx(angle_deg, abs=1e-6)
     assert moment.significance == pytest.approx(length_px**2 / 12 / 0.1)
+
+
+@pytest.mark.parametrize("change", [-13.0, -0.1, 0.0, 0.3, 13.0])
+def test_an_update_by_correlation_leaves_the_psf_near_its_width(change: float) -> None:
+    step = np.arange(1.0, 1.0 + len(NAMES)) * 1e-3
+    step[PSF] = change
+    bounded = with_psf_within(step, LIMITS.largest_psf)
+    start = State(TRUTH, 0.8)
+    widened = start.moved(bounded, CAMERA).psf_sigma_px / start.psf_sigma_px
+    assert np.exp(-LIMITS.largest_psf) * 0.999 <= widened <= np.exp(LIMITS.largest_psf) * 1.001
+    assert (np.delete(bounded, PSF) == np.delete(step, PSF)).all()
+    if abs(change) <= LIMITS.largest_psf:
+        assert bounded[PSF] == change
