@@ -38,7 +38,7 @@ class StepType(Generic[I, F, R]):
     what was there before. parameters: groups of pose parameters that a correction always changes, so that a profile
     which holds one of them leaves it out; empty where it can hold any. labels: inputs in the words of people, by their
     path, for the reason why a step is done again; what earlier steps found is listed there, settings by themselves.
-    schema_version: of the result; another one is another key. find_record: asks for the finished
+    schema_version: of the result; another one is another key. find_record: looks for the finished
     step elsewhere than in its folder. check_place: raises RefusedError when what is at the step's place may not be
     replaced.
     """

@@ -3,7 +3,7 @@
 Of Parquet and FITS a cone reads only what it needs: row groups whose declinations (and, where the cone holds no pole,
 right ascensions) may be in it, and then the columns that are used; of FITS the two columns of the directions first. CSV
 and VOTable are text from end to end. Small ones are read once and remembered; a large CSV file is read in pieces of
-which the cone's stars are kept, and those of a somewhat wider one for what is asked next; a large VOTable is refused.
+which the cone's stars are kept, and those of a somewhat wider one for the next search; a large VOTable is refused.
 """
 
 from collections.abc import Mapping

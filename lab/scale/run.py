@@ -93,7 +93,7 @@ def measure_costs(images: int, tell: Callable[[str], None]) -> dict[str, Any]:
 
 
 def measured(on: Site, more: tuple[str, ...] = ()) -> dict[str, float]:
-    """One run of the command: what it asked of S3, bytes between it and S3, processor seconds of the
+    """One run of the command: its requests to S3, bytes between it and S3, processor seconds of the
     worker, and of the images among them."""
     on.s3.requests()
     before = (on.s3.relay.bytes, on.cluster.processor_s())

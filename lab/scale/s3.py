@@ -1,4 +1,4 @@
-"""An S3 server (moto) as a process of its own, behind a relay that can be cut, and counts of what it was asked."""
+"""An S3 server (moto) as a process of its own, behind a relay that can be cut, and counts of its requests."""
 
 import asyncio
 import os
@@ -21,7 +21,7 @@ REQUEST = re.compile(r'\[\S+ (\S+)\] "(?:\x1b\S*m)?(GET|PUT|HEAD|DELETE|POST) (/
 
 @dataclass
 class Requests:
-    """What an S3 server was asked. kinds: by method, and `LIST` for listings. records: how often the record of each
+    """The requests of an S3 server. kinds: by method, and `LIST` for listings. records: how often the record of each
     product was written, which is what says that it is whole. writes: of them, in words."""
 
     kinds: Counter[str] = field(default_factory=Counter)
@@ -68,7 +68,7 @@ class S3Server:
         return files
 
     def requests(self) -> Requests:
-        """What it was asked since the last look."""
+        """The requests since the last look."""
         found = Requests()
         with self._log.open("rb") as log:
             log.seek(self._read)

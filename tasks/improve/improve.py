@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from catalog.basemap import BaseMap
 from catalog.errors import RefusedError
-from catalog.plain_text import printable
 from catalog.pose import Pose
 from catalog.reasons import Reason
 from catalog.target import Target
-from tasks.boundary import reason_of, trouble_of
 from tasks.control.bundle import adjust_bundle
 from tasks.control.patches import places_on
 from tasks.control.store import prior_of
@@ -32,7 +30,7 @@ from tasks.mosaic.model import Model, solve_model
 from tasks.mosaic.samples import samples_of
 from tasks.mosaic.settings import pixel_size_km
 from tasks.mosaic.view import View, load_view
-from tasks.photometry.region import unreadable_products, usable_products
+from tasks.photometry.region import each_taken, refuse_several, unreadable_products, usable_products
 from tasks.project.uncertainty import ATTITUDE, PoseUncertainty
 
 Array = NDArray[np.float64]
@@ -173,14 +171,8 @@ def read_members(store: Path, settings: ImproveSettings) -> tuple[list[Member], 
         targets[source.target.name] = source.target
         members.append(Member(folder, source.pose, predicted, prior, source.pose))
 
-    for folder in folders:
-        error = trouble_of(lambda folder=folder: take(folder), folder.name)  # type: ignore[misc]
-        if error is not None:
-            left_out.append((printable(folder.name), reason_of(error)))
-    if len(targets) > 1:
-        raise RefusedError(
-            Reason.TARGETS_DIFFER, f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
-        )
+    left_out += each_taken(folders, take)
+    refuse_several(targets)
     if len(members) < 2:
         fault = f"{store} has {len(members)} images that can be used; a map against which one is compared needs others."
         raise RefusedError(Reason.NO_USABLE_IMAGE, fault, "Look at `planetpose index`.")

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.errors import RefusedError
-from catalog.plain_text import printable
 from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
-from tasks.boundary import reason_of, trouble_of
 from tasks.mosaic.block import combined_block
 from tasks.mosaic.grid import Block, MosaicGrid, block_side, mosaic_grid
 from tasks.mosaic.model import Model, solve_model
@@ -23,7 +21,7 @@ from tasks.mosaic.settings import MosaicSettings, pixel_size_km
 from tasks.mosaic.variables import map_variables
 from tasks.mosaic.view import COVERAGE_SHAPE, View, load_view
 from tasks.photometry.laws import IMAGE_UNITS, RADIANCE_FACTOR
-from tasks.photometry.region import unreadable_products, usable_products
+from tasks.photometry.region import each_taken, refuse_several, unreadable_products, usable_products
 from tasks.project.points import latitude_longitude
 from tasks.publish.cube import crs_attributes, software_version
 from tasks.publish.map_store import create_map, write_block
@@ -104,14 +102,8 @@ def _members(folders: Sequence[Path], settings: MosaicSettings) -> tuple[list[Me
         band = {"filter": view.filter, "camera": view.camera.name}.get(settings.bands, ALL)
         members.append(Member(view.product, folder, band, view.coverage, view.pose.et))
 
-    for folder in folders:
-        error = trouble_of(lambda folder=folder: take(folder), folder.name)  # type: ignore[misc]
-        if error is not None:
-            left_out.append((printable(folder.name), reason_of(error)))
-    if len(targets) > 1:
-        raise RefusedError(
-            Reason.TARGETS_DIFFER, f"the images show {' and '.join(sorted(targets))}.", "Give one body's."
-        )
+    left_out += each_taken(folders, take)
+    refuse_several(targets)
     if not members:
         raise RefusedError(Reason.NO_USABLE_IMAGE, f"none of {len(folders)} images can be read.", left_out[0][1])
     return members, next(iter(targets.values())), left_out

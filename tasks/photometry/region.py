@@ -1,7 +1,7 @@
 """The pixels of one region, gathered over all images of a store."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 from catalog.basemap import BaseMap
 from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Quality
+from catalog.plain_text import printable
 from catalog.reasons import Reason
+from tasks.boundary import reason_of, trouble_of
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.source import Source, read_source
 from tasks.geometry.bilinear import map_values
@@ -209,3 +211,20 @@ def _map_as_coarse_as_pixels(source: Source) -> BaseMap:
     basemap = map_of_product(provenance.get("basemap", {}), source.target, None, source.folder)
     pixel_rad = float(np.nanmin(source.cube["resolution_km"].values)) / source.target.mean_radius_km
     return replace(basemap, albedo=map_as_coarse_as(basemap, pixel_rad))
+
+
+def each_taken(folders: Iterable[Path], take: Callable[[Path], None]) -> list[tuple[str, str]]:
+    """Do `take` for every product's folder; names and reasons of those that it could not be done for."""
+    left_out = []
+    for folder in folders:
+        error = trouble_of(lambda folder=folder: take(folder), folder.name)  # type: ignore[misc]
+        if error is not None:
+            left_out.append((printable(folder.name), reason_of(error)))
+    return left_out
+
+
+def refuse_several(targets: Iterable[str]) -> None:
+    """Raise RefusedError where products show more than one target."""
+    names = sorted(set(targets))
+    if len(names) > 1:
+        raise RefusedError(Reason.TARGETS_DIFFER, f"the images show {' and '.join(names)}.", "Give one body's.")

@@ -19,7 +19,7 @@ PNG_LEVEL = 3  # in two thirds of the time as small as the usual 6
 BEHIND = "#202020"  # of a panel where no image is
 SHARP = 3.0  # magnification from which the image's pixels are shown as squares
 SHIFT = 4  # binary digits of a fraction of a pixel in OpenCV's coordinates
-FAR_PX = 20000.0  # beyond which a point of a curve is not told from one at infinity
+FAR_PX = 20000.0  # farther points of a curve are drawn at this distance
 MOST_TICKS = 8
 TICK_PX = 5
 
