@@ -17,6 +17,11 @@ class PriorSettings(BaseModel):
     roll_deg: float | None = Field(0.1, gt=0)
     attitude_deg: float | None = Field(1.0, gt=0)
     psf_relative: float | None = Field(0.25, gt=0)
+    sun_deg: float = Field(
+        0.0,
+        ge=0,
+        description="Error of the direction to the Sun, in the camera's frame, about each of two axes; 0: known.",
+    )
 
     def range_sigma(self, range_km: float) -> float:
         """1-sigma of the logarithm of the range factor at a range: of kilometres and share both; inf where free."""
