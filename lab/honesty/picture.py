@@ -187,7 +187,8 @@ def write_scene(scene: Scene, folder: Path) -> tuple[Files, dict[str, Any]]:
     )
     fits.writeto(files.image, expose(scene, light), overwrite=True)
     files.camera.write_text(camera_text(scene, predicted))
-    files.pose.write_text(json.dumps(predicted.pose()))
+    stated = {"errors": scene.stated_errors} if scene.stated_errors else {}
+    files.pose.write_text(json.dumps(predicted.pose() | stated))
     truth = {
         "pose": seen_geometry(scene, true).pose(),
         "place_px": seen_place_px(scene, true).tolist(),
