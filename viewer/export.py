@@ -3,7 +3,6 @@
 import gzip
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from tasks.boundary import reason_of, trouble_of
 from tasks.pictures.thumbnail import thumbnail_of
 from viewer.app import PAGE, page_files
 from viewer.filters import filtered
-from viewer.planes import TILE_PX, Planes
+from viewer.planes import Planes, tile_places
 from viewer.product import advice_of, product_page
 from viewer.side import Side
 from viewer.table import columns_of, plain_value
@@ -40,7 +39,7 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
         (temporary / "static").mkdir()
         for path in page_files():
             shutil.copyfile(path, temporary / "static" / path.name)
-        page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA)
+        page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA).replace("@FIRST@", "")
         (temporary / "index.html").write_text(page, encoding="utf-8")
         products = temporary / DATA / "products"
         for row in rows:
@@ -82,13 +81,6 @@ def write_tiles(planes: Planes, product: str, plane: str, levels: int, folder: P
         for column, row in tile_places(planes.plane(product, plane, level).shape):
             content = gzip.compress(planes.tile(product, plane, level, column, row), GZIP_LEVEL, mtime=0)
             (folder / f"{level}-{column}-{row}.bin.gz").write_bytes(content)
-
-
-def tile_places(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-    """(column, row) of every tile of a plane (ny, nx)."""
-    for row in range(-(-shape[0] // TILE_PX)):
-        for column in range(-(-shape[1] // TILE_PX)):
-            yield column, row
 
 
 def write_json(path: Path, content: Any) -> None:

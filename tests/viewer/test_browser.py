@@ -81,6 +81,12 @@ def test_a_store_is_opened_and_looked_through(view: View, address: str, capsys: 
         view.wait(f"{OPENED}.length === {number + 1}")
         nexts.append(view.page.ask(f"{OPENED}.at(-1).ms"))
     assert view.text("#product-name") == "C0005"
+    requests = "performance.getEntriesByType('resource').map((each) => each.name.split('/api/')[1] ?? '')"
+    view.wait(f"{requests}.some((name) => name.startsWith('products/C0006/opening'))")  # the next one, ahead of time
+    names = view.page.ask(requests)
+    opened = [name.split("?")[0] for name in names if "/opening" in name]
+    assert opened == [f"products/C{number:04d}/opening" for number in range(7)]
+    assert not [name for name in names if "tiles/image" in name]
     hovers = view.page.ask(HOVERED)
     with capsys.disabled():
         print(
@@ -89,6 +95,7 @@ def test_a_store_is_opened_and_looked_through(view: View, address: str, capsys: 
         )
     view.press("k")
     view.wait("document.querySelector('#product-name').textContent === 'C0004'")
+    view.wait(f"{OPENED}.at(-1).product === 'C0004'")
 
 
 def test_layers_stretches_and_views_are_drawn(view: View, address: str, tmp_path: Path) -> None:

@@ -22,9 +22,18 @@ class Server {
   async place(product, asked) { return (await getJson(`api/place?${query({ product, ...asked })}`)).place; }
   points(x, y, text) { return getJson(`api/points?${query({ x, y, text })}`); }
   product(name, side = 0) { return getJson(`api/products/${named(name)}?side=${side}`); }
-  async tile(name, plane, level, column, row, side = 0) {
-    const path = `api/products/${named(name)}/tiles/${plane}/${level}/${column}/${row}?side=${side}`;
-    return new Float32Array(await (await get(path)).arrayBuffer());
+  // The page, and the tiles of a plane at the level that is drawn first: see viewer/opening.py.
+  async opening(name, plane) {
+    const content = await (await get(`api/products/${named(name)}/opening?${query({ plane })}`)).arrayBuffer();
+    const length = new DataView(content).getUint32(0, true);
+    const page = JSON.parse(new TextDecoder().decode(new Uint8Array(content, 4, length)));
+    return { page, values: page.opening ? new Float32Array(content, 4 + length) : null };
+  }
+  // A tile of each of the planes, in one answer.
+  async tiles(name, planes, level, column, row, side = 0) {
+    const path = `api/products/${named(name)}/tiles/${planes.join()}/${level}/${column}/${row}?side=${side}`;
+    const values = new Float32Array(await (await get(path)).arrayBuffer()), count = values.length / planes.length;
+    return planes.map((_, i) => values.subarray(i * count, (i + 1) * count));
   }
   at(name, x, y) { return getJson(`api/products/${named(name)}/at?${query({ x, y })}`); }
   flow(name) { return getJson(`api/products/${named(name)}/flow`); }
@@ -88,6 +97,8 @@ class Files {
     return { x: list(x), y: list(y), product: list("product"), status: list("status"), camera: list("camera"), every: 1 };
   }
   product(name) { return getJson(`${this.base}/products/${named(name)}/page.json`); }
+  async opening(name) { return { page: await this.product(name), values: null }; }
+  tiles(name, planes, level, column, row) { return Promise.all(planes.map((plane) => this.tile(name, plane, level, column, row))); }
   async tile(name, plane, level, column, row) {
     const response = await get(`${this.base}/products/${named(name)}/${plane}/${level}-${column}-${row}.bin.gz`);
     const stream = response.body.pipeThrough(new DecompressionStream("gzip"));
