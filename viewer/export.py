@@ -16,7 +16,7 @@ from viewer.product import advice_of, product_page
 from viewer.side import Side
 from viewer.table import columns_of, plain_value
 
-DATA = "data"
+DATA, SMALL = "data", "small.png"
 # What hovering needs, the image and what is looked at most; distances and simulations are left to the server.
 PLANES = (
     "image", "latitude", "longitude", "incidence", "emission", "phase", "quality",
@@ -41,11 +41,15 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
             shutil.copyfile(path, temporary / "static" / path.name)
         page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA).replace("@FIRST@", "")
         (temporary / "index.html").write_text(page, encoding="utf-8")
-        products = temporary / DATA / "products"
+        products, names = temporary / DATA / "products", [column["name"] for column in columns]
+        pictured = []
         for row in rows:
-            values = dict(zip((column["name"] for column in columns), row, strict=True))
-            write_product_page(side.planes, values, products / str(values["product"]))
+            values = dict(zip(names, row, strict=True))
+            name = str(values["product"])
+            write_product_page(side.planes, values, products / name)
+            pictured += [name] if (products / name / SMALL).is_file() else []
         about = {"store": side.store.resolve().name, "other": None, "who": "", "columns": columns, "rows": rows}
+        about["pictured"] = pictured
         write_json(temporary / DATA / "table.json", about)
     return len(rows)
 
@@ -63,7 +67,7 @@ def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> Non
         page.pop("run", None)
         for plane in page["planes"]:
             write_tiles(planes, product, plane["name"], page["levels"], folder / plane["name"])
-        (folder / "small.png").write_bytes(thumbnail_of(planes.cube(product)))
+        (folder / SMALL).write_bytes(thumbnail_of(planes.cube(product)))
         shown.update(page)
 
     if row["status"] != "unreadable" and planes.place(product) is not None:

@@ -38,7 +38,7 @@ class Server {
   at(name, x, y) { return getJson(`api/products/${named(name)}/at?${query({ x, y })}`); }
   flow(name) { return getJson(`api/products/${named(name)}/flow`); }
   find(name, place) { return getJson(`api/products/${named(name)}/find?${query({ place })}`); }
-  smallPicture(name) { return `api/products/${named(name)}/small.png`; }
+  smallPicture(name) { return `api/products/${named(name)}/small.png`; }  // no picture where there is none
   async post(path, content) {
     const headers = { "content-type": "application/json", "x-planetpose-token": token };
     const response = await fetch(path, { method: "POST", headers, body: JSON.stringify(content ?? {}) });
@@ -57,9 +57,10 @@ class Files {
     const content = await getJson(`${this.base}/table.json`);
     this.names = content.columns.map((column) => column.name);
     this.table = content.rows.map((row) => Object.fromEntries(row.map((value, i) => [this.names[i], value])));
+    this.pictured = new Set(content.pictured);
     this.addNeighbours();
     this.kinds = Object.fromEntries(content.columns.map((column) => [column.name, column.kind]));
-    return { ...content, rows: undefined, images: this.table.length, read_only: true };
+    return { ...content, rows: undefined, pictured: undefined, images: this.table.length, read_only: true };
   }
   // As viewer/table.py has them.
   addNeighbours(names = ["sigma_px", "limb_rms_px"], beside = 4) {
@@ -104,7 +105,7 @@ class Files {
     const stream = response.body.pipeThrough(new DecompressionStream("gzip"));
     return new Float32Array(await new Response(stream).arrayBuffer());
   }
-  smallPicture(name) { return `${this.base}/products/${named(name)}/small.png`; }
+  smallPicture(name) { return this.pictured.has(name) ? `${this.base}/products/${named(name)}/small.png` : null; }
   async refresh() { return {}; }
 }
 
