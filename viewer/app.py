@@ -93,7 +93,8 @@ def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
 
 def page_files() -> list[Path]:
     """What the page loads: its own files, and the filters that it shares with the pages of `planetpose report`."""
-    return [*sorted(path for path in STATIC.iterdir() if path.suffix in TYPES), FILTER]
+    own = (path for path in STATIC.iterdir() if path.suffix in TYPES and path.stem != "widget")  # that is a notebook's
+    return [*sorted(own), FILTER]
 
 
 def add_table(app: FastAPI, sides: list[Side]) -> None:

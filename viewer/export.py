@@ -42,15 +42,15 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
         page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA).replace("@FIRST@", "")
         (temporary / "index.html").write_text(page, encoding="utf-8")
         products, names = temporary / DATA / "products", [column["name"] for column in columns]
-        pictured = []
+        pictured: list[str] = []
         for row in rows:
             values = dict(zip(names, row, strict=True))
             name = str(values["product"])
             write_product_page(side.planes, values, products / name)
             pictured += [name] if (products / name / SMALL).is_file() else []
-        about = {"store": side.store.resolve().name, "other": None, "who": "", "columns": columns, "rows": rows}
-        about["pictured"] = pictured
-        write_json(temporary / DATA / "table.json", about)
+        about = {"store": side.store.resolve().name, "other": None, "who": ""}
+        table_json = {**about, "columns": columns, "rows": rows, "pictured": pictured}
+        write_json(temporary / DATA / "table.json", table_json)
     return len(rows)
 
 

@@ -41,8 +41,8 @@ SIMULATED = {
 class Planes:
     """Planes of one store's products, by name."""
 
-    def __init__(self, store: Path) -> None:
-        self.store = Path(store)
+    def __init__(self, store: Path, tile_px: int = TILE_PX) -> None:
+        self.store, self.tile_px = Path(store), tile_px
         self._lock = threading.RLock()
         self.simulating = threading.Lock()
         self._cubes: OrderedDict[str, xr.Dataset] = OrderedDict()
@@ -110,14 +110,15 @@ class Planes:
         """A tile's values as little-endian float32, row by row; its size follows from the plane's. Raises RefusedError
         for a tile outside of the plane."""
         plane = self.plane(product, name, level)
-        part = plane[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
+        side = self.tile_px
+        part = plane[row * side : (row + 1) * side, column * side : (column + 1) * side]
         if min(row, column) < 0 or not part.size:
             raise RefusedError(Reason.PARAMETERS_INVALID, f"there is no tile {column}, {row}.", "")
         return np.ascontiguousarray(part, dtype="<f4").tobytes()
 
     def tiles(self, product: str, name: str, level: int) -> bytes:
         """All tiles of a level, one after the other, row by row."""
-        places = tile_places(self.plane(product, name, level).shape)
+        places = tile_places(self.plane(product, name, level).shape, self.tile_px)
         return b"".join(self.tile(product, name, level, column, row) for column, row in places)
 
     def names(self, product: str) -> list[dict[str, Any]]:
@@ -215,16 +216,16 @@ def opening_level(shape: tuple[int, int]) -> int:
     return level
 
 
-def levels_of(shape: tuple[int, int]) -> int:
+def levels_of(shape: tuple[int, int], tile_px: int = TILE_PX) -> int:
     """How many levels there are until the whole plane is one tile."""
     levels, size = 1, max(shape)
-    while size > TILE_PX:
+    while size > tile_px:
         size, levels = (size + 1) // 2, levels + 1
     return levels
 
 
-def tile_places(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
+def tile_places(shape: tuple[int, ...], tile_px: int = TILE_PX) -> Iterator[tuple[int, int]]:
     """(column, row) of every tile of a plane (ny, nx), row by row."""
-    for row in range(-(-shape[0] // TILE_PX)):
-        for column in range(-(-shape[1] // TILE_PX)):
+    for row in range(-(-shape[0] // tile_px)):
+        for column in range(-(-shape[1] // tile_px)):
             yield column, row

@@ -89,9 +89,8 @@ def test_an_image_is_opened_by_one_answer(client: TestClient, store: Path, plane
     np.testing.assert_array_equal(values, open_cube(store / "C0000" / "cube.zarr")[plane].values.astype(np.float32))
 
 
-def test_tiles_of_a_level_follow_each_other_row_by_row(store: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viewer.planes.TILE_PX", 96)
-    planes = Planes(store)
+def test_tiles_of_a_level_follow_each_other_row_by_row(store: Path) -> None:
+    planes = Planes(store, tile_px=96)
     whole = planes.plane("C0000", "image")
     values = np.frombuffer(planes.tiles("C0000", "image", 0), "<f4")
     parts = [whole[y : y + 96, x : x + 96].ravel() for y in (0, 96) for x in (0, 96)]

@@ -1,4 +1,5 @@
 // Where the page's data come from: the server, or files beside the page (planetpose view --export).
+import { openingIn, tilesIn } from "./answers.js";
 import { makeFilter } from "./filter.js";
 
 const metaOf = (name) => document.querySelector(`meta[name="planetpose-${name}"]`).content;
@@ -22,18 +23,14 @@ class Server {
   async place(product, asked) { return (await getJson(`api/place?${query({ product, ...asked })}`)).place; }
   points(x, y, text) { return getJson(`api/points?${query({ x, y, text })}`); }
   product(name, side = 0) { return getJson(`api/products/${named(name)}?side=${side}`); }
-  // The page, and the tiles of a plane at the level that is drawn first: see viewer/opening.py.
+  // The page, and the tiles of a plane at the level that is drawn first.
   async opening(name, plane) {
-    const content = await (await get(`api/products/${named(name)}/opening?${query({ plane })}`)).arrayBuffer();
-    const length = new DataView(content).getUint32(0, true);
-    const page = JSON.parse(new TextDecoder().decode(new Uint8Array(content, 4, length)));
-    return { page, values: page.opening ? new Float32Array(content, 4 + length) : null };
+    return openingIn(await (await get(`api/products/${named(name)}/opening?${query({ plane })}`)).arrayBuffer());
   }
   // A tile of each of the planes, in one answer.
   async tiles(name, planes, level, column, row, side = 0) {
     const path = `api/products/${named(name)}/tiles/${planes.join()}/${level}/${column}/${row}?side=${side}`;
-    const values = new Float32Array(await (await get(path)).arrayBuffer()), count = values.length / planes.length;
-    return planes.map((_, i) => values.subarray(i * count, (i + 1) * count));
+    return tilesIn(await (await get(path)).arrayBuffer(), planes.length);
   }
   at(name, x, y) { return getJson(`api/products/${named(name)}/at?${query({ x, y })}`); }
   flow(name) { return getJson(`api/products/${named(name)}/flow`); }
