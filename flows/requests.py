@@ -83,7 +83,7 @@ def each_request(found: ImageList, options: ReprocessOptions) -> Iterator[Reques
 
 
 def listed(options: ReprocessOptions) -> ImageList:
-    """The image list, or those of it that match `only` and are in the `part`. Raises RefusedError as `requests_of_list`."""
+    """The image list, or those that match `only` and are in the `part`. Raises RefusedError as `requests_of_list`."""
     found = image_list_of(options)
     if options.only:
         found = found.only(options.only)

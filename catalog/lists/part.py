@@ -1,7 +1,7 @@
 """Parts of an image list that several runs do, each on its own: `2/4` is the second of four.
 
-A product belongs to the part that its name's SHA-256 gives, whatever else is in the list: an image that is added moves no
-other one into another part, and every machine splits the list alike.
+A product belongs to the part that its name's SHA-256 gives, whatever else is in the list: an image that is added moves
+no other one into another part, and every machine splits the list alike.
 """
 
 import hashlib

@@ -23,7 +23,8 @@ def machine(folder: Path, environment: Mapping[str, str]) -> dict[str, str]:
     for name in (*OWN.values(), "home"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     own = {name: str(folder / place) for name, place in OWN.items()}
-    return {**os.environ, **environment, **ONE_THREAD, **QUIET, **own, "HOME": str(folder / "home"), "PLANETPOSE_KERNELS": ""}
+    home = {"HOME": str(folder / "home"), "PLANETPOSE_KERNELS": ""}
+    return {**os.environ, **environment, **ONE_THREAD, **QUIET, **own, **home}
 
 
 class Cluster:
