@@ -41,7 +41,7 @@ class InitialPose:
     sources: the same for each part (also `isd`; `tables` of an ISIS cube; `pds4`, geometry of its label; `wcs` and
     `twist`, orientations of headers and labels; `catalog`: rotation model of the target file). missing: what SPICE
     could not give, in words. kernels: name and sha256 of what was furnished. evidence: range_km by each source that
-    has one.
+    has one. errors: 1-sigma errors that the pose file states of its own parts.
     """
 
     pose: Pose
@@ -50,6 +50,7 @@ class InitialPose:
     missing: tuple[str, ...] = ()
     kernels: tuple[dict[str, str], ...] = ()
     evidence: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, float] = field(default_factory=dict)
 
 
 def initial_pose(
@@ -126,6 +127,7 @@ def _initial_pose(
         missing=(*spice.missing, *label_faults),
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
+        errors=dict(from_file.errors),
     )
     return found, from_file
 

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from pydantic import Field
+
 from catalog.target import Target, find_target
 from tasks.bodies.settings import OtherBodiesSettings
 from tasks.fields import CameraField, Content, PlainJson, PoseField
@@ -40,7 +42,8 @@ class PoseFiles(ImageFiles):
 
 class PredictedPose(Content):
     """The pose that the corrections are about; fields as of `tasks.ingest.pose.InitialPose`. priors: its own 1-sigma
-    errors, None where they are those of its sources. has_orientation: whether the body's orientation is known at all.
+    errors, None where they are those of its sources. errors: what a pose
+    file states of its own parts, 1-sigma. has_orientation: whether the body's orientation is known at all.
     doubts: what stays unknown of it, each as `code: fault. Remedy.`"""
 
     pose: PoseField
@@ -51,6 +54,7 @@ class PredictedPose(Content):
     kernels: tuple[dict[str, str], ...] = ()
     evidence: PlainJson
     priors: PriorSettings | None = None
+    errors: dict[str, float] = Field(default_factory=dict)
     has_orientation: bool = True
     doubts: tuple[str, ...] = ()
 
@@ -72,6 +76,7 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
         missing=found.missing,
         kernels=found.kernels,
         evidence=found.evidence,
+        errors=found.errors,
     )
 
 

@@ -35,6 +35,8 @@ SUN_TIMES_RANGE, LEAST_SUN_KM = 100.0, 5e7
 # RMS about each axis of an orientation of which nothing is known: of all rotations alike.
 UNKNOWN_DEG = 76.0
 ROUNDS = 2
+# So far a disk's shading changes in proportion to a turn of the Sun, the terminator's own place not counted.
+LINEAR_SUN_DEG = 5.0
 # What a trajectory's kernels are known to.
 TRAJECTORY = PriorSettings()
 
@@ -122,6 +124,7 @@ def find_pose(
     if apart_deg is not None and by_time.sun_from_target_km is not None and not contradicts:
         pose = pose.replaced(sun_from_target_km=by_time.sun_from_target_km)
         sun_sigma = settings.map.sigma_deg
+    priors = priors.model_copy(update={"sun_deg": min(sun_sigma, LINEAR_SUN_DEG)})
     found_by = evidence_of_parts(found, pose, scene, search, report, et)
     found_by |= {"time": by_time.source, "sun_by_time_apart_deg": apart_deg}
     doubts = doubts_of(found, has_map, search, et)

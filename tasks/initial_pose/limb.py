@@ -1,6 +1,6 @@
 """The limb along a disk that was found: where brightness falls fastest outward, and the ellipse through it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +50,11 @@ class Limb:
         it what law and blur add, whatever is seen of it."""
         of_edge = RADIUS_PX / self.mean_px
         return float(np.sqrt(max(self.covariance[2, 2] - of_edge**2, 0.0)))
+
+    def with_error(self, sigma_px: float) -> "Limb":
+        """The same limb, its centre and radius known no better than to `sigma_px`."""
+        more = np.diag([sigma_px, sigma_px, sigma_px / self.mean_px]) ** 2
+        return replace(self, covariance=self.covariance + more)
 
     @property
     def mean_px(self) -> float:

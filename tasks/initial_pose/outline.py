@@ -23,6 +23,11 @@ CRESCENT_PX = 3  # of thinner ones both sides of an edge are sky (`edge_weights`
 # Limb and light are found in turn so often, where the terminator lies farther inside the limb than so many pixels;
 # what is no likeness at all is not looked at again.
 ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
+# Where the terminator is nowhere farther inside the limb than this share of the radius, the edge all round the disk is
+# nearly the limb's.
+NEARLY_FULL = 0.1
+# Of less of a sunlit limb the edge all round the disk says more.
+SHORT_DEG = 45.0
 # Of another disk that is as good as this share of the best, the target may be either.
 RIVAL_SHARE = 0.5
 REMEDY = (
@@ -80,7 +85,12 @@ def outline_of(edges: Edges, disk: Disk, target: Target) -> Outline | None:
             return None
         if limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg))) < ROUND_PX or sun.likeness < LIKE_NONE:
             break
+        whole, inside_px = limb, limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg)))
         limb = limb_along(edges, Disk(limb.centre_px, limb.mean_px, disk.score), target, sun.azimuth_deg)
+        if (limb is None or limb.arc_deg < SHORT_DEG) and inside_px < NEARLY_FULL * whole.mean_px:
+            # The sunlit half lies outside the frame: what is seen is the terminator, no more than that inside the limb.
+            limb = whole.with_error(inside_px)
+            break
         sun = None if limb is None else sun_of_disk(edges, limb)
     if limb is None or sun is None:
         return None
@@ -114,7 +124,8 @@ def is_apart(outline: Outline, other: Outline) -> bool:
 
 
 def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
-    """How much of the limb's sunlit half within the frame, on pixels that have a value, was seen as an edge."""
+    """How much of the limb's sunlit half within the frame, on pixels that have a value, was seen as an edge; of the
+    whole disk's edge where none of that half is in the frame."""
     bins = np.radians(np.arange(0.0, 360.0, 5.0) + 2.5)
     lit = np.cos(bins - np.radians(sun.azimuth_deg)) > 0.2
     x = limb.centre_px[0] + limb.mean_px * np.cos(bins)
@@ -125,7 +136,7 @@ def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
     away = limb.points_px - limb.centre_px
     seen = np.zeros(len(bins), bool)
     seen[(np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360 / 5).astype(int) % len(bins)] = True
-    wanted = lit & inside
+    wanted = lit & inside if (lit & inside).any() else inside
     return float((seen & wanted).sum() / wanted.sum()) if wanted.any() else 0.0
 
 

@@ -33,7 +33,9 @@ class LimbSearchSettings(BaseModel):
 class MapSearchSettings(BaseModel):
     """The global search over sub-spacecraft point and north azimuth. step_deg: of the grid of orientations.
     diameter_px: of the disk at whose resolution the grid is searched. followed: best orientations of the grid that are
-    moved uphill, kept: those of them that are refined, and refined_kept: those of these compared at full resolution.
+    moved uphill, compared: distinct ones of them that are compared by markings of half the size (of a disk of 324 px at
+    32 deg of phase the right one was the 23rd before, the first then), kept: those of these that are refined, and
+    refined_kept: those of them compared at full resolution.
     least_radius_px: on smaller disks markings are not looked for. distinct_deg: orientations farther apart than this
     are different ones. sigmas: evidence of the best orientation, as sigmas, and times_next: how many times that of the
     next distinct one it must be, beside a constant of 16 (squares of sigmas), as of every test of markings. sigma_deg:
@@ -43,6 +45,7 @@ class MapSearchSettings(BaseModel):
     step_deg: float = Field(6.0, gt=0, le=20)
     diameter_px: float = Field(40.0, gt=0)
     followed: int = Field(600, ge=1)
+    compared: int = Field(200, ge=1)
     kept: int = Field(16, ge=1)
     refined_kept: int = Field(6, ge=1)
     least_radius_px: float = Field(12.0, gt=0)
