@@ -13,7 +13,7 @@ from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.bodies.settings import OtherBodiesSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
 from tasks.simulate.shine import cosines_of, shines_of, with_shines
