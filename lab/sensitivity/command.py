@@ -23,7 +23,9 @@ def sensitivity(
         list[str] | None, typer.Option(help="This threshold (PART.NAME, as iteration.stale_px); repeat for more.")
     ] = None,
     profile: Annotated[str, typer.Option(help="Name, or FILE.toml, whose joint settings are tried.")] = "joint",
-    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no threshold later than that.")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="Minutes after which no further threshold is begun.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Halve and double each threshold of the joint step on images with known truth; write what that does to errors and
