@@ -21,7 +21,7 @@ from tasks.publish.cube_model import CubeModel, model_of
 from tasks.publish.names import RESULT
 from tasks.publish.overlay import GRID_STEP_DEG, grid_labels
 from viewer.layers import others_of, places_on, stars_of
-from viewer.planes import TILE_PX, Planes, levels_of
+from viewer.planes import Planes, levels_of
 
 CODE = re.compile(r"(?:^|(?<=\s))([a-z][a-z0-9-]+)(?=: )")
 KNOWN_CODES = frozenset(Reason)
@@ -49,8 +49,8 @@ def product_page(planes: Planes, product: str) -> dict[str, Any]:
         "product": product,
         "size_px": [int(nx), int(ny)],
         "first_px": [int(cube[name][0]) for name in ("x", "y")],
-        "tile_px": TILE_PX,
-        "levels": levels_of((int(ny), int(nx))),
+        "tile_px": planes.tile_px,
+        "levels": levels_of((int(ny), int(nx)), planes.tile_px),
         "planes": planes.names(product),
         "flags": flags,
         "radii_km": list(model.target.radii_km),

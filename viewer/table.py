@@ -120,6 +120,10 @@ class Table:
             found = np.flatnonzero(self._order(text, sort, down) == self.places.get(product, -1))
             return int(found[0]) if len(found) else None
 
+    def first(self) -> str:
+        """Name of the first image; empty where there is none."""
+        return next(iter(self.places), "")
+
     def row(self, product: str) -> dict[str, Any] | None:
         """The row of a product; None for another name."""
         with self._lock:
@@ -244,7 +248,8 @@ def numbers(table: "pd.DataFrame", column: str) -> Any:
 
 def plain_rows(table: "pd.DataFrame") -> list[dict[str, Any]]:
     """Rows as plain JSON, unknown values None."""
-    return [{name: plain_value(value) for name, value in row.items()} for row in table.to_dict("records")]
+    columns = {str(name): [plain_value(value) for value in table[name]] for name in table.columns}
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def plain_value(value: Any) -> Any:

@@ -1,5 +1,6 @@
 """planetpose benchmark bodies"""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,20 +10,24 @@ def bodies(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     scenes: Annotated[int, typer.Option(min=1, max=2000, help="How many, the kinds by turns.")] = 36,
     kind: Annotated[list[str] | None, typer.Option(help="Of this kind alone; repeat for more.")] = None,
+    rows: Annotated[
+        Path | None, typer.Option(help="File of a line of JSON per scene; scenes that it has are not done again.")
+    ] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no scene later than that.")] = None,
 ) -> None:
     """Correct frames of several bodies: a moon beside its planet, before it, half hidden, in shadows, behind rings."""
     from flows.cli.output import clean_stdout, write_json
-    from lab.bodies.run import chosen, run_scenes, summary_of
+    from lab.bodies.run import numbered, run_scenes, summary_of
     from lab.bodies.scenes import KINDS
 
     unknown = sorted(set(kind or ()) - set(KINDS))
     if unknown:
         raise typer.BadParameter(f"{', '.join(unknown)}: known are {', '.join(KINDS)}.", param_hint="--kind")
     with clean_stdout() as answer:
-        rows = run_scenes(chosen(scenes, kind or ()), lambda row: typer.echo(line_of(row), err=True))
-        figures = summary_of(rows)
+        done = run_scenes(numbered(scenes, kind or ()), lambda row: typer.echo(line_of(row), err=True), rows, minutes)
+        figures = summary_of(done)
         if json:
-            write_json(answer, figures | {"rows": rows})
+            write_json(answer, figures | {"rows": done})
         else:
             for name, value in figures.items():
                 print(f"{name:28s} {value}", file=answer)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lab.bodies.picture import truth_of, write_scene
 from lab.bodies.scenes import KINDS, Scene, scene_of
+from lab.rows import rows_in_portions
 
 Row = dict[str, Any]
 # An `ok` is wrong where its centre is off by more than this, and by more than so many of its stated sigmas.
@@ -20,10 +21,10 @@ BAR_PX, WRONG_SIGMAS = 0.1, 3.0
 LIT, DARK = 0.02, 0.98
 
 
-def chosen(count: int, kinds: Sequence[str] = ()) -> list[Scene]:
-    """`count` scenes, the kinds by turns."""
+def numbered(count: int, kinds: Sequence[str] = ()) -> list[tuple[str, int]]:
+    """Kinds and numbers (`scene_of`) of `count` scenes, the kinds by turns."""
     names = [kind for kind in KINDS if not kinds or kind in kinds]
-    return [scene_of(names[number % len(names)], number // len(names)) for number in range(count)]
+    return [(names[number % len(names)], number // len(names)) for number in range(count)]
 
 
 def run_scene(scene: Scene, with_bodies: bool = True, keep: Path | None = None) -> Row:
@@ -75,12 +76,20 @@ def flags_wrong(cube: Any, scene: Scene) -> Row:
     }
 
 
-def run_scenes(scenes: Sequence[Scene], report: Callable[[Row], None] = lambda _: None) -> list[Row]:
-    """All of them, one after the other."""
+def run_scenes(
+    scenes: Sequence[tuple[str, int]],
+    report: Callable[[Row], None] = lambda _: None,
+    path: Path | None = None,
+    minutes: float | None = None,
+) -> list[Row]:
+    """Rows of the scenes of these kinds and numbers, one after the other (see `rows_in_portions`)."""
     rows = []
-    for scene in scenes:
-        rows.append(run_scene(scene))
-        report(rows[-1])
+    for row, new in rows_in_portions(
+        scenes, lambda one: f"{one[0]}-{one[1]:03d}", lambda one: run_scene(scene_of(*one)), path, minutes
+    ):
+        rows.append(row)
+        if new:
+            report(row)
     return rows
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 GRID_MAPPING = "spatial_ref"  # the name that rioxarray and GDAL look for
-CHUNK_PX = 1024
+CHUNK_PX = 512
 
 
 def map_dataset(source: Source, mapped: MapImage) -> "xr.Dataset":
@@ -37,9 +37,12 @@ def map_dataset(source: Source, mapped: MapImage) -> "xr.Dataset":
 
 
 def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
-    """Write `map_dataset` as a Zarr v3 group and return `path`."""
+    """Write `map_dataset` as a Zarr v3 group, each layer one file (a shard) whose chunks can be read one by one, and
+    return `path`."""
     chunks = tuple(min(CHUNK_PX, n) for n in mapped.grid.shape)
-    encoding: dict[str, dict[str, Any]] = {name: {"chunks": chunks, "compressors": [compressor()]} for name in LAYERS}
+    whole = tuple(chunk * -(-n // chunk) for chunk, n in zip(chunks, mapped.grid.shape, strict=True))
+    form = {"chunks": chunks, "shards": whole, "compressors": [compressor()]}
+    encoding: dict[str, dict[str, Any]] = {name: dict(form) for name in LAYERS}
     with folder_put_in_place(path) as temporary:
         temporary.rmdir()
         write_group(map_dataset(source, mapped), temporary, encoding)

@@ -18,6 +18,8 @@ PHASES_DEG, AZIMUTHS_DEG = np.arange(5.0, 176.0, 10.0), np.arange(0.0, 360.0, 15
 ROUNDS = 7
 # How many parts of a disk err on their own, by markings and laws.
 INDEPENDENT = 60.0
+# So much of the disk must be in the frame for its shading to show a body; the same of one whose radius is known.
+LEAST_SHARE, LEAST_SHARE_KNOWN = 0.15, 0.01
 # Largest 1-sigma, where nothing tells.
 UNKNOWN_DEG = 60.0
 
@@ -34,10 +36,10 @@ class SunInDisk:
     likeness: float
 
 
-def sun_of_disk(edges: Edges, limb: Limb) -> SunInDisk | None:
+def sun_of_disk(edges: Edges, limb: Limb, least_share: float = LEAST_SHARE) -> SunInDisk | None:
     """The direction of the light with which a sphere of a mixture of photometric laws of positive weights looks most
-    like the image; None where too little of disk and sky is in the frame."""
-    samples = Samples.of(edges, limb)
+    like the image; None where too little of disk and sky is in the frame: of the disk less than least_share."""
+    samples = Samples.of(edges, limb, least_share)
     if samples is None:
         return None
     grid = [(a, p) for p in PHASES_DEG for a in AZIMUTHS_DEG]
@@ -70,7 +72,7 @@ class Samples:
     value: Array
 
     @classmethod
-    def of(cls, edges: Edges, limb: Limb) -> "Samples | None":
+    def of(cls, edges: Edges, limb: Limb, least_share: float) -> "Samples | None":
         """Of the disk and the sky around it, as far as they are in the frame; None where that is too little."""
         import cv2
 
@@ -86,7 +88,7 @@ class Samples:
         chosen = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1) & (np.abs(distance - 1) > RIM) & (distance < REACH)
         chosen &= values_at(edges.usable.astype(np.float32), x, y) > 0.5
         inside = chosen & (distance < 1)
-        if inside.sum() < 0.15 * np.pi * (ACROSS / 2) ** 2 or (chosen & (distance > 1)).sum() < 20:
+        if inside.sum() < least_share * np.pi * (ACROSS / 2) ** 2 or (chosen & (distance > 1)).sum() < 20:
             return None
         u, v, distance = u[chosen], v[chosen], distance[chosen]
         seen = values_at(smooth, x[chosen], y[chosen]).astype(np.float64)

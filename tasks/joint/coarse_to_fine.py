@@ -14,11 +14,11 @@ from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.gauss_newton import Line, Solution, solve_joint
 from tasks.joint.limb_observation import LimbObservation, shown_by
-from tasks.joint.limb_response import limb_response
 from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
+from tasks.joint.relief_response import relief_response
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import covariance, noise_covariance, of_the_body, of_the_camera, systematic, times_usual
@@ -93,7 +93,7 @@ def estimated(given: Problem, start: State) -> Estimate:
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
     # Per pixel of the image, in its pixels.
-    response = np.diag(level.step_up(np.ones(len(NAMES)))) @ limb_response(free) / level.n
+    response = np.diag(level.step_up(np.ones(len(NAMES)))) @ relief_response(free) / level.n
     own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     limb = limb_seen(free, level)

@@ -70,7 +70,7 @@ def find_pose_jointly(
     priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
     metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
     sigmas = prior_sigmas(priors, metadata.pose.range_km)
-    given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress)
+    given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress, priors.sun_deg)
     start = State(pose, scene.psf_sigma_px)
     is_held = "attitude" in settings.hold
     if is_uniform(scene):

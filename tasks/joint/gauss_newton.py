@@ -61,7 +61,9 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     data = data_at(given, start, window)
     radius = disk_radius_px(start.pose, scene.camera, scene.target)
     layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
-    model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind)
+    model = linear_model(
+        scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind, given.sun_deg
+    )
     variances = warm.variances if warm else VarianceModel.at_first(model, settings)
     weights = first_weights(model, data, settings)
     linear = solve_linear(
@@ -130,6 +132,8 @@ def brightness_problem(
     laws = len(model.bases)
     prior[:laws] = (settings.law_weight * data.bright) ** -2
     prior[laws : laws + len(settings.wings_px)] = settings.wings_sigma**-2
+    if model.by_sun:
+        prior[-len(model.by_sun) :] = model.sun_deg**-2
     expected = np.zeros_like(prior)
     if model.hides:
         share, sigma = data.hidden_share
@@ -195,7 +199,13 @@ class Line:
     def model_at(self, state: State, model: Model) -> Model:
         """The model at another state, under the same window and tiles."""
         return linear_model(
-            self.given.scene, state, model.window, model.tiles, self.given.settings, self.data.light_behind
+            self.given.scene,
+            state,
+            model.window,
+            model.tiles,
+            self.given.settings,
+            self.data.light_behind,
+            self.given.sun_deg,
         )
 
     def cost(self, model: Model, weights: Array, fit: Fit) -> tuple[float, Fit]:

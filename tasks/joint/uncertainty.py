@@ -109,8 +109,8 @@ def times_usual(settings: SystematicSettings, blur: float, limb_gain: float) -> 
 
 def of_the_body(target: Target, radius_px: float, response: Array | None = None, shown_px: float = 0.0) -> Array:
     """Covariance (8, 8) that comes from the target's radius, which the image cannot tell from its range, and from the
-    relief of its limb, or what the limb shows of it (shown_px, RMS) where that is more. response: (8, arcs) what the
-    solution does when an arc lies a pixel farther out (see `limb_response`); without it a half-lit limb is taken to
+    relief of its limb, or what the limb shows of it (shown_px, RMS) where that is more. response: (8, parts) what the
+    solution does when a part is a pixel higher (see `relief_response`); without it a half-lit limb is taken to
     rise and fall in INDEPENDENT_LIMBS parts."""
     relief_px = max(target.expected_relief_km / target.mean_radius_km * radius_px, shown_px)
     variance = np.zeros(MOVING)

@@ -165,6 +165,11 @@ def test_a_failed_image_has_its_frame_and_can_be_helped(tmp_path: Path) -> None:
     assert export_store(tmp_path, tmp_path.parent / "page") == 2
     exported = json.loads((tmp_path.parent / "page/data/products/C0002/page.json").read_text())
     assert (exported["failed"], [each["name"] for each in exported["planes"]]) == (True, ["image", "quality"])
+    assert exported["advice"][0]["code"] == "target-not-found"
+    small = (tmp_path.parent / "page/data/products/C0002/small.png").read_bytes()
+    assert small == client.get("/api/products/C0002/small.png").content
+    table = json.loads((tmp_path.parent / "page/data/table.json").read_text())
+    assert table["pictured"] == ["C0001", "C0002"]
 
 
 def test_damage_in_what_a_failed_image_left_costs_only_that_image(tmp_path: Path) -> None:

@@ -7,9 +7,10 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
-const PAUSE_MS = 200;
+const PAUSE_MS = 800, OPENINGS = 6;
 const of = (id) => document.getElementById(id);
-const state = { about: null, product: null, place: null, page: null, row: null, next: null };
+const state = { about: null, product: null, place: null, page: null, row: null };
+const openings = new Map();  // of the latest images, and of the next one
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
 
 function fault(error) {
@@ -60,8 +61,10 @@ function showPlaneFault() {
 async function choose(product, place = undefined) {
   state.asked = performance.now();
   state.product = product;
-  const page = state.next?.product === product ? await state.next.coming : await backend.product(product);
+  const opening = await openingOf(product);
   if (state.product !== product) return;
+  picture.take(opening);
+  const { page } = opening;
   await show(page);
   state.place = place ?? await backend.place(product, table.asked);
   table.select(state.place, product);
@@ -106,21 +109,28 @@ function fillPlanes(page) {
   of("other").replaceChildren(...options(picture.other, second));
 }
 
-// Once a picture is there: the next image, then what hovering needs.
+// Page and picture of an image, fetched once.
+function openingOf(product) {
+  const found = openings.get(product) ?? backend.opening(product, picture.plane);
+  openings.delete(product);
+  openings.set(product, found);
+  found.catch(() => openings.delete(product));
+  while (openings.size > OPENINGS) openings.delete(openings.keys().next().value);
+  return found;
+}
+
+// Once a picture is there: the next image, then what hovering needs. Who leafs through the images does not hover.
 async function afterFirstPicture(page) {
-  if (!isStatic) await fetchNext(page);
-  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
+  const pause = new Promise((wake) => setTimeout(wake, PAUSE_MS));
+  await fetchNext(page);
+  if (!of("image").matches(":hover")) await pause;
   if (state.page === page) await hover.prepare(page);
 }
+of("image").addEventListener("pointerenter", () => { if (state.page?.size_px && picture.drawnAt) hover.prepare(state.page); });
 
 async function fetchNext(page) {
   const row = await table.rowAt((state.place ?? -2) + 1).catch(() => null);
-  if (!row || state.page !== page) return;
-  const coming = backend.product(row.product);
-  state.next = { product: row.product, coming };
-  const next = await coming.catch(() => null);
-  if (!next) state.next = null;
-  if (next?.size_px && state.page === page) await picture.tiles.wait(next, picture.side, picture.plane, next.levels - 1, 0, 0);
+  if (row && state.page === page) await openingOf(row.product).catch(() => null);
 }
 
 // Shifts of the markings: some seconds of the server, so only when they are wanted.
@@ -141,7 +151,7 @@ async function step(by) {
 }
 
 async function redone(product) {
-  state.next = null;
+  openings.delete(product);
   const page = await backend.product(product);
   page.version = Date.now();
   if (state.product === product) await show(page, true);
@@ -210,7 +220,7 @@ const open = guarded(async (name) => {
   if (name === "plots") { plot.selected = state.product; await plot.load(table.asked.text); }
 });
 for (const name of VIEWS) of(`tab-${name}`).addEventListener("click", () => open(name));
-of("refresh").addEventListener("click", guarded(async () => { await backend.refresh(); await ask(of("filter").value); }));
+of("refresh").addEventListener("click", guarded(async () => { openings.clear(); await backend.refresh(); await ask(of("filter").value); }));
 
 // Stretch, layers, tools.
 const changed = () => { picture.redraw(); picture.legend(of("legend-bar"), of("legend-text")); };
@@ -289,6 +299,10 @@ document.addEventListener("keydown", (event) => {
 });
 
 guarded(async () => {
+  const wanted = decodeURIComponent(location.hash.slice(1)), likely = wanted || document.querySelector('meta[name="planetpose-first"]').content;
+  if (!isStatic && likely) openingOf(likely).catch(() => null);  // while the table comes
+  const asked = isStatic ? null : table.ask(table.asked);
+  asked?.catch(() => null);
   state.about = await backend.about();
   const name = state.about.store.split(/[\\/]/).pop();
   document.title = `${name} - planetpose view`;
@@ -306,8 +320,8 @@ guarded(async () => {
   }));
   listSaved();
   if (state.about.other) [picture.other, picture.otherSide] = ["image", 1];
-  await ask("");
-  const wanted = decodeURIComponent(location.hash.slice(1)), first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
+  await (asked ?? ask(""));
+  const first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
   if (first) await choose(first, wanted ? undefined : 0);
   else fault("The store holds no images.");
   of("table").focus();

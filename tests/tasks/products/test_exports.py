@@ -174,6 +174,7 @@ def test_zarr_maps_carry_cf_coordinates_wkt_and_geotransform_and_equal_the_geoti
         assert crs.geodetic_crs.to_authority() == ("IAU_2015", "50200")
         assert mapped["incidence"].attrs["grid_mapping"] == "spatial_ref"
         assert mapped["x"].attrs["standard_name"] == "projection_x_coordinate"
+        assert len([path for path in (files["zarr-map"] / "image" / "c").rglob("*") if path.is_file()]) == 1
 
 
 def test_pystac_reads_a_valid_collection_whose_assets_exist(files, store):
