@@ -172,15 +172,16 @@ def as_correction(
 
 
 def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | None) -> str | None:
-    """Whether the shape that is shown speaks against the target: that of its limb or, where no markings show that it is
-    the body, of all of it; a target with a shape model is no ellipsoid anyway."""
+    """Whether the shape that is shown speaks against the target: that of the limb where markings, which relief
+    displaces, tell the orientation; of limb and shading where none show that it is the body. A target with a shape
+    model is no ellipsoid anyway."""
     found, scene, limits = estimate.displacement, given.scene, given.thresholds
-    if scene.target.shape is not None:
+    if scene.target.shape is not None or orientation is None:
         return None
-    radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
-    if doubt := doubt_of_relief(estimate.relief_px, radius, scene.target, limits.contradiction):
-        return doubt
-    if found is None or orientation is None or orientation.markings.verdict == "matched":
+    if orientation.markings.verdict == "matched":
+        radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
+        return doubt_of_relief(estimate.relief_px, radius, scene.target, limits.contradiction)
+    if found is None:
         return None
     attitude_deg = min(float(np.max(given.sigmas[ATTITUDE])), UNKNOWN_DEG)
     return doubt_of_shape(found, estimate.state.pose, scene, attitude_deg, limits)

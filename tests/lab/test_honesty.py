@@ -306,7 +306,8 @@ NEVER_OK = ("doubtful", "failed", "refused")
 REDUCED = {
     "laws-117": SURE,
     "small-002": RIGHT_OR_DOUBTFUL,  # 10 px radius
-    "no-map-013": SURE,
+    "no-map-012": SURE,  # its pose file states its errors
+    "no-map-000": NEVER_OK,  # it states none: nothing shows which body it is
     "wrong-orientation-002": SURE,  # by 2 deg
     "crescents-002": RIGHT_OR_DOUBTFUL,
     "smeared-001": RIGHT_OR_DOUBTFUL,
