@@ -26,8 +26,3 @@ def huber_weight(size: NDArray, limit: float | NDArray) -> NDArray:
     """Factors by which the weights of residuals of this size (any shape, 0 and above) are lowered: 1 up to the limit,
     limit / size beyond. They have the type of `size`."""
     return np.minimum(1.0, limit / np.maximum(size, LEAST_SIZE))
-
-
-def huber_cost(size: NDArray, limit: float) -> NDArray:
-    """Huber's function of residuals of this size (any shape): squares up to the limit, lines beyond."""
-    return np.where(size <= limit, size**2, limit * (2 * size - limit))

@@ -3,8 +3,11 @@
 from pathlib import Path
 from typing import Annotated
 
+from pydantic import BeforeValidator
+
 from flows.image_options import Cli, File, Limits, Options, Text, opt
-from flows.options import LATITUDES, LONGITUDES, OneStore
+from flows.options import LATITUDES, LONGITUDES, OneStore, comma_list
+from flows.star_options import Solvable
 
 
 class PhotometryOptions(Options):
@@ -96,6 +99,9 @@ class ControlOptions(Options):
     )
     free_radius: bool = opt(False, description="Points may lie above or below the shape.")
     reject_sigma: float = opt(4.0, ge=2, description="Ties with larger residuals are rejected.")
+    solve: Annotated[tuple[Solvable, ...], BeforeValidator(comma_list), Cli(metavar="WHAT,...", text=True)] = opt(
+        (), description="Of each camera, by all its images: focal-length, distortion (what its model leaves)."
+    )
     kernels: bool = opt(False, description="Also write SPICE kernels of the adjusted poses.")
     doubtful: bool = opt(False, description="Also use doubtful images.")
 

@@ -11,6 +11,7 @@ from typing import Annotated
 from pydantic import AfterValidator, BeforeValidator
 
 from catalog.lists.location import address_in
+from catalog.lists.part import checked_part
 from catalog.settings import DEFAULT_PROFILE, cache_folder, shared_cache_url
 from flows.image_options import Cli, File, ImageOptions, Limits, Options, Text, opt
 from flows.option_types import Absolute, Folder, NameOrFile, OneStore, Paths, Store, absolute, comma_list
@@ -64,6 +65,9 @@ class ReprocessOptions(Options):
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
     profile: NameOrFile = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     only: tuple[str, ...] = opt((), description="Only products that match this pattern (C16*); repeat for more.")
+    part: Annotated[Text, AfterValidator(checked_part)] = opt(
+        description="Part K of N alone, as K/N: the same images on every machine; another run does the others."
+    )
     kernels: tuple[Path, ...] | None = opt(
         description="SPICE kernels for images whose list names none; repeat for more."
     )

@@ -29,8 +29,13 @@ def bodies(
         if json:
             write_json(answer, figures | {"rows": done})
         else:
+            by_kind = figures.pop("by_kind")
             for name, value in figures.items():
                 print(f"{name:28s} {value}", file=answer)
+            for name, of_kind in by_kind.items():
+                worst = of_kind["centre_worst_px"]
+                line = f"{of_kind['ok']} of {of_kind['scenes']} ok"
+                print(f"{name:28s} {line}{'' if worst is None else f', off by at most {worst:.3f} px'}", file=answer)
 
 
 def line_of(row: dict[str, object]) -> str:

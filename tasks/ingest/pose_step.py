@@ -10,6 +10,7 @@ from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
 from tasks.priors import PriorSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.step import StepType
 from tasks.work import Work
 
@@ -17,8 +18,8 @@ from tasks.work import Work
 class PoseInputs(Content):
     """What the result depends on. frame: content of what the file says. target: what the catalog knows of its target,
     None where a kernel defines it. pose_file: its content. kernels: name and content of each kernel, in the order of
-    loading. bodies: names of the other bodies to place; catalog: content of the catalog's targets, which may be in the
-    frame, None where no kernel places them."""
+    loading. bodies: names of the other bodies to place; others: which of them count; catalog: content of the catalog's
+    targets, which may be in the frame, None where no kernel places them."""
 
     image: ImageInputs
     camera: CameraField
@@ -27,6 +28,7 @@ class PoseInputs(Content):
     pose_file: str | None
     kernels: tuple[tuple[str, str], ...]
     bodies: tuple[str, ...] = ()
+    others: OtherBodiesSettings = OtherBodiesSettings()
     catalog: str | None = None
 
 
@@ -63,7 +65,9 @@ def run(inputs: PoseInputs, files: PoseFiles, _: Work) -> PredictedPose:
     The target is looked up here too, for a kernel may define it."""
     frame = frame_of(inputs.image, files)
     target = inputs.image.given_target or find_target(str(frame.target), list(files.kernels))
-    found = initial_pose(frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip, inputs.bodies)
+    found = initial_pose(
+        frame, inputs.camera, target, files.kernels, files.pose_file, inputs.image.flip, inputs.bodies, inputs.others
+    )
     return PredictedPose(
         pose=found.pose,
         target=target,

@@ -47,9 +47,16 @@ def shown_by(solution: Solution, level: Level, moved: Array) -> tuple[LimbObserv
     model, fit, problem = solution.model, solution.fit, solution.problem
     linear = slice(0, len(problem.columns) - len(NAMES))
     picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
-    lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
-    shading = model.bases[: len(model.bases) - model.hides]
-    drawn = Simulation(model.window, model.oversample, psf, model.bases, shading, model.coverage, lit, model.hides)
+    drawn = Simulation(
+        model.window,
+        model.oversample,
+        solution.state.psf_sigma_px,
+        model.bases,
+        model.coverage,
+        draw_shading=lambda: model.bases[: len(model.bases) - model.hides],
+        draw_lit=lambda: (model.mu0 > 0).astype(np.float32),
+        hides=model.hides,
+    )
     match = Match(problem.image, fit.weight, drawn, solution.state.pose, level.scene, solution.data.clear)
     edges = edges_between(match, picture, EDGES)
     centre = level.scene.camera.project(solution.state.pose.target_in_camera_km)

@@ -25,6 +25,7 @@ from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
 from tasks.simulate.photometry import Law, laws
 from tasks.simulate.pixels import detect
+from tasks.simulate.shine import cosines_of, shines_of, with_shines
 from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px
 
@@ -142,10 +143,15 @@ def linear_model(
     light that the disk hides, or None. sun_deg: 1-sigma of the
     direction to the Sun; 0 where it is known."""
     s = settings.oversample or scene.oversample_for(state.pose)
-    surface = fine_surface(scene, state.pose, window, s)
-    phase = state.pose.phase_deg
+    pose = state.pose
+    shines = shines_of(pose, scene.target, scene.settings.others)
+    surface = fine_surface(scene, pose, window, s, night=bool(shines))
+    cosines = cosines_of(shines, pose, scene.camera, scene.target, window, s)
     chosen = (*laws(settings.mapped), *laws(settings.plain))
-    shade = {law: law(surface.mu0, surface.mu, phase) * surface.cover for law in set(chosen)}
+    shade = {
+        law: with_shines(law, surface.mu0, surface.mu, pose.phase_deg, shines, cosines) * surface.cover
+        for law in set(chosen)
+    }
     shades = [shade[law] for law in chosen]
     if behind is not None:
         shades.append(-finer(behind, s) * surface.cover)

@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.robust import huber_cost, huber_weight
-from tasks.compiled import compiled, compiled_reordered
+from tasks.joint.elimination import eliminated, in_order, residuals
 from tasks.joint.thresholds import Thresholds
-from tasks.joint.tiles import GAINS, LOCAL, Tiles
+from tasks.joint.tiles import GAINS, Tiles
 
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -74,43 +73,34 @@ def solve_linear(problem: LinearProblem, weight: Image, start: Image | None = No
 
     start: residuals (ny, nx) by which the first round is down-weighted.
     """
-    tiles, n, huber = problem.tiles, len(problem.columns), problem.huber
-    order, ends = tiles.order, tiles.ends
-    design = np.empty((n + LOCAL, len(order)), np.float32)
-    _in_order(problem.columns.reshape(n, -1), order, design[:n])
-    _in_order(problem.local.reshape(LOCAL, -1), order, design[n:])
-    target, base = problem.image.ravel()[order], weight.ravel()[order]
-    now = base if start is None else _robust(base, start.ravel()[order], huber)
+    order, ends, huber, n = problem.tiles.order, problem.tiles.ends, problem.huber, len(problem.columns)
+    columns = in_order(problem.columns, problem.local, problem.image, order, ends)
+    base = weight.ravel()[order]
+    residual = None if start is None else start.ravel()[order]
+    fit: tuple[Array, Array] | None = None
     for _ in range(problem.thresholds.iteration.huber_rounds):
-        normal, right, cross, inner, inner_right = accumulated(design, n, target, now, ends)
-        inner += problem.local_prior[:, :, None] * np.eye(LOCAL)
-        # Every tile's unknowns expressed by the others: Schur's complement.
-        by_all = np.linalg.solve(inner, np.concatenate([cross, inner_right[..., None]], axis=2))
-        by_others, by_data = by_all[..., :n], by_all[..., n]
-        eliminated = cross.reshape(-1, n).T @ by_all.reshape(-1, n + 1)
-        information = normal - eliminated[:, :n]
-        reduced = right - eliminated[:, n]
-        whole = information + np.diag(problem.prior)
-        values = scaled_inverse(whole) @ (reduced + problem.prior * problem.expected)
-        own = by_data - by_others @ values
-        model, gain = _evaluate(design, n, GAINS, ends, values, own)
-        residual = target - model
-        now = _robust(base, residual, huber)
-    cost = _cost(residual, base, huber) + float(problem.prior @ (values - problem.expected) ** 2)
+        found = eliminated(columns, base, residual, fit, huber, problem.local_prior)
+        whole = found.information + np.diag(problem.prior)
+        values = scaled_inverse(whole) @ (found.right + problem.prior * problem.expected)
+        by_others = found.by_all[..., :n]
+        own = found.by_all[..., n] - by_others @ values
+        fit = values, own
+    left = residuals(columns, order, base, values, own, GAINS, huber, problem.image.shape)
+    cost = left.cost + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
-    gain_information = inner[:, 0, 0] - problem.local_prior[:, 0]
-    gain, residual, now = (_in_place(each, order, problem.image.shape) for each in (gain, residual, now))
-    inverse = np.asarray(np.linalg.inv(inner), np.float64)
     return Fit(
-        values, information, whole, gain, residual, now, cost, own, inverse, gain_information, np.asarray(by_others)
+        values,
+        found.information,
+        whole,
+        left.gain,
+        left.residual,
+        left.weight,
+        cost,
+        own,
+        found.inverse,
+        found.gain_information,
+        by_others,
     )
-
-
-def _in_place(values: Image, order: NDArray[np.int64], shape: tuple[int, ...]) -> Image:
-    """The image (ny, nx) of values in the tiles' order."""
-    image = np.empty(len(order), np.float32)
-    image[order] = values
-    return image.reshape(shape)
 
 
 def scaled_inverse(matrix: Array) -> Array:
@@ -119,103 +109,3 @@ def scaled_inverse(matrix: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-10, hermitian=True)
     return np.asarray(inverse / np.outer(scale, scale))
-
-
-def _cost(residual: Image, weight: Image, huber: float) -> float:
-    size = np.abs(residual) * np.sqrt(weight)
-    return float(np.sum(huber_cost(size, huber), dtype=np.float64))
-
-
-def _robust(weight: Image, residual: Image, huber: float) -> Image:
-    size = np.abs(residual) * np.sqrt(weight)
-    return np.asarray(weight * huber_weight(size, huber))
-
-
-@compiled
-def _in_order(columns, order, out):  # type: ignore[no-untyped-def]
-    for j in range(len(columns)):
-        for i in range(len(order)):
-            out[j, i] = columns[j, order[i]]
-
-
-def accumulated(
-    design: Image, n: int, target: Image, weight: Image, ends: NDArray[np.int64]
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Normal matrix (n, n) and right side (n,) of the common unknowns, each tile's with them (tiles, LOCAL, n), and its
-    own (tiles, LOCAL, LOCAL), (tiles, LOCAL). design: (n + LOCAL, pixels), in the tiles' order (see `Tiles`)."""
-    # So many pixels at a time that the fastest cache holds their columns.
-    block = np.zeros((len(design) + 4, 128))
-    outside, tiles = _accumulate(design, n, target, weight, ends, block)
-    whole = outside + tiles.sum(axis=0)
-    local = slice(n, -1)
-    normal, inner = np.tril(whole[:n, :n]), np.tril(tiles[:, local, local])
-    normal += np.tril(normal, -1).T
-    inner += np.swapaxes(np.tril(inner, -1), 1, 2)
-    return normal, whole[-1, :n], tiles[:, local, :n], inner, tiles[:, -1, local]
-
-
-@compiled_reordered
-def _accumulate(design, n, target, weight, ends, rows):  # type: ignore[no-untyped-def]
-    """Weighted products of all columns, the target as the last one, with each other, below the diagonal: of the pixels
-    outside all tiles, and of each tile's. rows: (columns + 3, block), room for a block of pixels, zero."""
-    width = len(design) + 1
-    outside, tiles = np.zeros((width, width)), np.zeros((len(ends) - 1, width, width))
-    block = rows.shape[1]
-    weighted = np.empty(block)
-    begin = 0
-    for t in range(len(ends)):
-        products, end = outside if t == 0 else tiles[t - 1], ends[t]
-        while begin < end:
-            size = min(end - begin, block)
-            for j in range(width - 1):
-                for i in range(size):
-                    rows[j, i] = design[j, begin + i]
-            for i in range(size):
-                rows[width - 1, i] = target[begin + i]
-            for j in range(width):
-                if t == 0 and n <= j < width - 1:
-                    continue
-                for i in range(size):
-                    weighted[i] = weight[begin + i] * rows[j, i]
-                # Four columns at a time: the weighted one is read a quarter as often.
-                for k in range(0, j + 1, 4):
-                    a, b, c, d = rows[k], rows[k + 1], rows[k + 2], rows[k + 3]
-                    to_a, to_b, to_c, to_d = 0.0, 0.0, 0.0, 0.0
-                    for i in range(size):
-                        to_a += weighted[i] * a[i]
-                        to_b += weighted[i] * b[i]
-                        to_c += weighted[i] * c[i]
-                        to_d += weighted[i] * d[i]
-                    products[j, k] += to_a
-                    if k + 1 < width:
-                        products[j, k + 1] += to_b
-                    if k + 2 < width:
-                        products[j, k + 2] += to_c
-                    if k + 3 < width:
-                        products[j, k + 3] += to_d
-            begin += size
-    return outside, tiles
-
-
-@compiled_reordered
-def _evaluate(design, n, gains, ends, values, own):  # type: ignore[no-untyped-def]
-    """Model (p,), and what the tiles' first unknowns, the gains, add to it relative to the first column (p,)."""
-    width, pixels = design.shape
-    model, gain, factor = np.zeros(pixels, np.float32), np.zeros(pixels, np.float32), np.zeros(pixels)
-    total = np.zeros(pixels)
-    begin = 0
-    for t in range(len(ends)):
-        end = ends[t]
-        for j in range(width if t > 0 else n):
-            share = values[j] if j < n else own[t - 1, j - n]
-            for i in range(begin, end):
-                total[i] += share * design[j, i]
-            if n <= j < n + gains:
-                for i in range(begin, end):
-                    factor[i] += share * design[j, i]
-        for i in range(begin, end):
-            model[i] = total[i]
-            if t > 0 and design[n, i] != 0:
-                gain[i] = factor[i] / design[n, i]
-        begin = end
-    return model, gain

@@ -30,13 +30,6 @@ class IterationThresholds(BaseModel):
     still_deg: float = _threshold(1e-2, "The same of roll and orientation, degrees. Choice.")
     still_psf: float = _threshold(5e-3, "The same of the PSF's width, natural logarithm. Choice.")
     still_trail_px: float = _threshold(0.03, "The same of the trail, px. Choice.")
-    loose_px: float = _threshold(
-        0.05,
-        "Step of the centre, px, that may be left when no share of it lowers the cost. Choice: the sampling's own.",
-    )
-    loose_range: float = _threshold(5e-4, "The same of the range, natural logarithm of the factor. Choice.")
-    loose_deg: float = _threshold(0.5, "The same of roll and orientation, degrees. Choice.")
-    loose_psf: float = _threshold(0.1, "The same of the PSF's width, natural logarithm. Choice.")
     at_rest: float = _threshold(
         0.3, "Steps of this share of their own error, 1-sigma, move nothing that matters: they add 4 % to it."
     )

@@ -1,6 +1,8 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,38 +13,12 @@ from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
+from tasks.simulate.shine import cosines_of, shines_of, with_shines
 from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px, target_window
-
-
-class OtherBodiesSettings(BaseModel):
-    """What is left out of an image around other bodies than the target, and what is measured of these: margins beyond
-    a body's edge add up."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    blur_sigmas: float = Field(
-        4.0, ge=0, description="Margin of a body's edge, in widths of the PSF: 3e-5 of an edge's light is beyond."
-    )
-    pixel_px: float = Field(1.0, ge=0, description="The same in pixels: a pixel's own width.")
-    place_sigmas: float = Field(
-        3.0, ge=0, description="The same in 1-sigma errors of the body's place relative to the target (`sigma_km`)."
-    )
-    least_loss: float = Field(
-        0.005,
-        gt=0,
-        lt=1,
-        description="Shadows and rings that take less of the light are left alone: a tenth of what maps are off by.",
-    )
-    kept_px: float = Field(
-        12.0, ge=0, description="A body behind the target is left out from so far beyond the target's limb on. Choice."
-    )
-    kept_radii: float = Field(0.05, ge=0, description="The same in radii of the target, added. Choice.")
-    kept_sigmas: float = Field(4.0, ge=0, description="The same in widths of the PSF, added; as blur_sigmas.")
-    least_lit_px: float = Field(
-        40.0, gt=0, description="Width of a disk's sunlit part from which its place is measured: some hundred segments."
-    )
 
 
 class SceneSettings(BaseModel):
@@ -77,17 +53,28 @@ class Surface:
 class Simulation:
     """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
     background. shading: the same without the map (albedo 1). coverage, lit: fraction of each pixel that the target
-    and its sunlit side fill; blurred like the image. hides: how many of the bases, the last ones, are no light of the
-    target but what it takes away of the light behind it."""
+    and its sunlit side fill; blurred like the image. draw_shading, draw_lit: draw these two, which few ask for, when
+    they are asked for. hides: how many of the bases, the last ones, are no light of the target but what it takes away
+    of the light behind it."""
 
     window: Window
     oversample: int
     psf_sigma_px: float
     bases: NDArray[np.float32]
-    shading: NDArray[np.float32]
     coverage: NDArray[np.float32]
-    lit: NDArray[np.float32]
+    draw_shading: Callable[[], NDArray[np.float32]]
+    draw_lit: Callable[[], NDArray[np.float32]]
     hides: int = 0
+
+    @cached_property
+    def shading(self) -> NDArray[np.float32]:
+        """(k, ny, nx): the bases without the map."""
+        return self.draw_shading()
+
+    @cached_property
+    def lit(self) -> NDArray[np.float32]:
+        """(ny, nx): fraction of each pixel that the target's sunlit side fills."""
+        return self.draw_lit()
 
     @property
     def of_target(self) -> NDArray[np.float32]:
@@ -162,9 +149,16 @@ class Scene:
             from tasks.simulate.closed_form import ellipsoid_surface as surface
         return Surface(*surface(pose, self.camera, self.target, self.basemap, window, oversample))
 
-    def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
-        """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
-        return [law(surface.mu0, surface.mu, phase_deg) for law in bases_of(self.settings.photometry)]
+    def shade(self, surface: Surface, pose: Pose, window: Window, oversample: int) -> list[NDArray[np.float32]]:
+        """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels, under the Sun and the light
+        of other bodies."""
+        shines = shines_of(pose, self.target, self.settings.others)
+        cosines = cosines_of(shines, pose, self.camera, self.target, window, oversample)
+        cosines = [np.where(surface.hit, cosine, np.float32(0)) for cosine in cosines]
+        return [
+            with_shines(law, surface.mu0, surface.mu, pose.phase_deg, shines, cosines)
+            for law in bases_of(self.settings.photometry)
+        ]
 
     def render(self, pose: Pose, window: Window | None = None) -> Simulation:
         """Simulate `pose` under `window` (default: the target's window, which may leave the frame).
@@ -176,7 +170,7 @@ class Scene:
             raise ValueError(f"empty window {window}")
         s = self.oversample_for(pose)
         surface = self.surface(pose, window, s)
-        fine = self.shade(surface, pose.phase_deg)
+        fine = self.shade(surface, pose, window, s)
         sigma = self.psf_sigma_px
 
         def seen(plane: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -187,7 +181,7 @@ class Scene:
             oversample=s,
             psf_sigma_px=sigma,
             bases=np.stack([seen(surface.albedo * basis) for basis in fine]),
-            shading=np.stack([seen(basis) for basis in fine]),
             coverage=seen(surface.hit.astype(np.float32)),
-            lit=seen((surface.mu0 > 0).astype(np.float32)),
+            draw_shading=lambda: np.stack([seen(basis) for basis in fine]),
+            draw_lit=lambda: seen((surface.mu0 > 0).astype(np.float32)),
         )

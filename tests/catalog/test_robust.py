@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import median_abs_deviation
 
-from catalog.robust import huber_cost, huber_weight, sigma_about_median, sigma_about_zero
+from catalog.robust import huber_weight, sigma_about_median, sigma_about_zero
+
+
+def huber_cost(size: np.ndarray, limit: float) -> np.ndarray:
+    """Huber's function: squares up to the limit, lines beyond."""
+    return np.where(size <= limit, size**2, limit * (2 * size - limit))
+
 
 VALUES = np.random.default_rng(3).normal(5.0, 2.0, 20001)
 
@@ -28,7 +34,5 @@ def test_a_weight_is_the_costs_slope_over_that_of_squares(size: float, limit: fl
 
 
 def test_single_precision_stays_single() -> None:
-    assert (
-        huber_weight(np.ones(3, np.float32), 2.5).dtype == huber_cost(np.ones(3, np.float32), 2.5).dtype == np.float32
-    )
+    assert huber_weight(np.ones(3, np.float32), 2.5).dtype == np.float32
     assert (huber_weight(np.zeros(2), np.inf) == 1).all()

@@ -89,5 +89,7 @@ def test_a_window_is_no_larger_than_the_frame_wherever_a_large_disk_is(
     pose = pose_at((100, 70))
     pose = pose.replaced(target_from_spacecraft_km=pose.camera_from_j2000.T @ ray * range_km)
     window, whole = framed_window(SCENE, pose), SCENE.window(pose)
-    assert 1 <= window.shape[0] <= ny + 16 and 1 <= window.shape[1] <= nx + 16
-    assert whole.x0 <= window.x0 < window.x1 <= whole.x1 and whole.y0 <= window.y0 < window.y1 <= whole.y1
+    assert 1 <= window.shape[0] <= ny + 16
+    assert 1 <= window.shape[1] <= nx + 16
+    assert whole.x0 <= window.x0 < window.x1 <= whole.x1
+    assert whole.y0 <= window.y0 < window.y1 <= whole.y1

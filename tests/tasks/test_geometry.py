@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from tasks.compiled import _files_called, _forget_older
-from tasks.geometry.bilinear import bilinear, map_values
+from tasks.geometry.bilinear import bilinear, map_values, values_towards
 from tasks.geometry.unit_sphere import closest_approach, first_hits
 from tasks.project.kernel import fill_rows
 
@@ -53,6 +53,16 @@ def test_a_value_between_pixels_is_scipys(latitude: float, longitude: float, lef
     row, column = np.clip((90 - latitude) / 10 - 0.5, 0, 17), ((longitude - left_edge) % 360.0) / 10 - 0.5
     found = map_values(albedo, left_edge, np.array([latitude]), np.array([longitude]))
     assert found == pytest.approx(np.ravel(expected((float(row), float(column)))), abs=1e-6)
+
+
+@pytest.mark.parametrize("left_edge", [0.0, 179.886, -90.0])
+def test_a_direction_is_its_latitude_and_longitude(left_edge: float) -> None:
+    rng = np.random.default_rng(5)
+    albedo, directions = rng.random((40, 80)).astype(np.float32), rng.normal(size=(400, 3))
+    directions[:2] = (0, 0, 1), (0, 0, -3)
+    x, y, z = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T
+    expected = map_values(albedo, left_edge, np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x)))
+    assert values_towards(albedo, left_edge, directions) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(("x", "expected"), [(-0.5, 2.0), (3.5, 2.0), (4.0, 1.0), (-1.0, 3.0), (0.5, 1.5)])

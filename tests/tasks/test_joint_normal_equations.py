@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from catalog.robust import huber_weight
 from tasks.joint.normal_equations import LinearProblem, scaled_inverse, solve_linear
 from tasks.joint.settings import TileSettings
 from tasks.joint.thresholds import Thresholds
@@ -75,6 +76,21 @@ def test_what_was_planted_is_found_within_its_error() -> None:
     fit = solve_linear(replace(given, prior=np.zeros(3)), weight)
     assert (np.abs(fit.values - values) < 4 * np.sqrt(np.diag(fit.covariance))).all()
     assert np.sqrt(np.mean((fit.residual * np.sqrt(weight)) ** 2)) == pytest.approx(1, abs=0.1)
+
+
+@pytest.mark.parametrize("huber", [0.7, 2.5, np.inf])
+def test_weights_and_cost_are_hubers_of_the_residuals(huber: float) -> None:
+    given, _, weight = problem()
+    given = replace(given, huber=huber)
+    fit = solve_linear(given, weight)
+    own = np.where(given.tiles.label >= 0, np.moveaxis(fit.own[given.tiles.label], -1, 0), 0)
+    model = np.tensordot(fit.values, given.columns, 1) + (given.local * own).sum(axis=0)
+    assert fit.residual == pytest.approx(given.image - model, abs=1e-5)
+    size = np.abs(fit.residual) * np.sqrt(weight)
+    assert fit.weight == pytest.approx(weight * huber_weight(size, huber), rel=1e-4)
+    pixels = np.where(size <= huber, size**2, huber * (2 * size - huber) if np.isfinite(huber) else 0).sum()
+    priors = given.prior @ (fit.values - given.expected) ** 2 + np.sum(given.local_prior * fit.own**2)
+    assert fit.cost == pytest.approx(pixels + priors, rel=1e-4)
 
 
 def test_outliers_hardly_count() -> None:
