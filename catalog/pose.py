@@ -27,6 +27,9 @@ SAME_TIME_S = 0.01
 MAX_VELOCITY_KM_S = 1000.0
 VELOCITY_KEYS = ("spacecraft_velocity_km_s", "target_velocity_km_s")  # optional, and known together
 BODIES = "bodies"  # optional: what else may be in the frame
+# Optional in a pose file: the 1-sigma errors that it states of itself, in place of those that a profile assumes.
+ERRORS = "errors"
+STATED_ERRORS = ("range_km", "range_share", "roll_deg", "attitude_deg")
 
 
 def _checked_position(value: ArrayLike, name: str) -> Vector:
@@ -142,7 +145,8 @@ class Pose:
 
 @dataclass(frozen=True)
 class PartialPose:
-    """The parts of a pose that one source knows; None marks an unknown part. bodies: placed, or as a file has them."""
+    """The parts of a pose that one source knows; None marks an unknown part. bodies: placed, or as a file has them.
+    errors: 1-sigma errors that a pose file states of itself (STATED_ERRORS); empty where it states none."""
 
     et: float | None = None
     camera_from_j2000: Matrix | None = None
@@ -152,13 +156,14 @@ class PartialPose:
     spacecraft_velocity_km_s: Vector | None = None
     target_velocity_km_s: Vector | None = None
     bodies: tuple[PlacedBody | Mapping[str, Any], ...] = ()
+    errors: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> "PartialPose":
         """Parts from a pose file's content. Raises ValueError for unknown keys, bad values and bad rotations."""
         if not isinstance(content, dict):
             raise ValueError("a pose file holds one JSON object")
-        known_keys = ("utc", "et", *POSE_KEYS, *VELOCITY_KEYS, BODIES)
+        known_keys = ("utc", "et", *POSE_KEYS, *VELOCITY_KEYS, BODIES, ERRORS)
         unknown = sorted(set(content) - set(known_keys))
         if unknown:
             raise ValueError(f"unknown keys {unknown}; known are {', '.join(known_keys)}")
@@ -173,7 +178,8 @@ class PartialPose:
         try:
             for key in known:
                 known[key] = _check_of(key)(known[key], key)
-            return cls(et=None if et is None else float(et), bodies=tuple(bodies), **known)
+            errors = _checked_errors(content.get(ERRORS))
+            return cls(et=None if et is None else float(et), bodies=tuple(bodies), errors=errors, **known)
         except TypeError as error:
             raise ValueError(f"a value is not a number: {error}") from error
 
@@ -196,7 +202,7 @@ class PartialPose:
             each if isinstance(each, PlacedBody) else body_from_dict(each, number)
             for number, each in enumerate(self.bodies)
         )
-        parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        parts = {field.name: getattr(self, field.name) for field in dataclasses.fields(Pose)}
         return Pose(**{**parts, BODIES: bodies})
 
 
@@ -204,6 +210,26 @@ def _check_of(key: str) -> Callable[[ArrayLike, str], Any]:
     if key in VELOCITY_KEYS:
         return _checked_velocity
     return checked_rotation if key.endswith("_j2000") else _checked_position
+
+
+def _checked_errors(errors: Any) -> dict[str, float]:
+    """1-sigma errors as a pose file states them. Raises ValueError for unknown names and values that are no error."""
+    if errors is None:
+        return {}
+    if not isinstance(errors, Mapping):
+        raise ValueError(f"{ERRORS} is no JSON object")
+    if unknown := sorted(set(errors) - set(STATED_ERRORS)):
+        raise ValueError(f"unknown {ERRORS} {unknown}; known are {', '.join(STATED_ERRORS)}")
+    values = {}
+    for name, value in errors.items():
+        try:
+            values[name] = float(value)
+        except ValueError as error:
+            raise ValueError(f"{ERRORS}.{name} is no number: {value!r}") from error
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{ERRORS}.{name} must be finite and positive, not {value:g}")
+    return values
 
 
 def read_pose_file(path: Path) -> PartialPose:

@@ -224,6 +224,7 @@ class Reason(StrEnum):
     TARGET_FILE_INVALID = "target-file-invalid"
     TARGET_FILE_UNREADABLE = "target-file-unreadable"
     TARGET_MASKED = "target-masked"
+    TARGET_NOT_CONFIRMED = "target-not-confirmed"
     TARGET_NOT_FOUND = "target-not-found"
     TARGET_UNKNOWN = "target-unknown"
     TIME_UNKNOWN = "time-unknown"

@@ -93,6 +93,7 @@ def of_pose(request: Request, frame: IngestResult, lists: KernelLists) -> tuple[
         pose_file=digest_of(pose_file, "pose file") if pose_file else None,
         kernels=kernel_inputs(kernels),
         bodies=request.body,
+        others=request.profile.simulate.others,
         catalog=target_names_digest() if kernels or request.body else None,
     )
     files = PoseFiles(request.image, request.camera_name, pose_file, tuple(request.kernel_paths))

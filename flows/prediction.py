@@ -9,8 +9,9 @@ from tasks.correcting import Known
 from tasks.ingest.bodies import NO_BODIES
 from tasks.ingest.pose_step import PredictedPose
 from tasks.ingest.step import IngestResult
+from tasks.priors import PriorSettings
 from tasks.registry import IMAGE_POSE, POSE, STARS, UNDISTORT
-from tasks.scene_inputs import SceneInputs
+from tasks.scene_inputs import UNIFORM, SceneInputs
 from tasks.stars.separate import StarOrientation
 from tasks.undistort.step import UndistortResult
 
@@ -43,11 +44,20 @@ def orientation_by_stars(chain: Chain, frame: IngestResult, predicted: Predicted
     return chain.do(STARS, *inputs.of_stars(chain.request, frame, predicted.pose)).result.orientation
 
 
+def priors_of(request: Request, scene: SceneInputs, predicted: PredictedPose) -> PriorSettings | None:
+    """The predicted pose's own priors: found with it in the image, or stated by its pose file; None without."""
+    if predicted.priors or not predicted.errors:
+        return predicted.priors
+    has_map = scene.basemap.sha256 != UNIFORM.sha256
+    return request.profile.joint.priors.of(predicted.sources, has_map, predicted.errors)
+
+
 def known_at_start(
     request: Request, scene: SceneInputs, predicted: PredictedPose, stars: StarOrientation | None
 ) -> Known:
     """What is known before the first correction. What was found in the image is looked for nowhere else."""
-    priors = predicted.priors or request.profile.joint.priors.of(predicted.sources)
+    own = priors_of(request, scene, predicted)
+    priors = own or request.profile.joint.priors.of(predicted.sources)
     pose = predicted.pose if stars is None else stars.predicted(predicted.pose)
     return Known(
         scene,
@@ -56,6 +66,6 @@ def known_at_start(
         predicted.sources,
         priors.attitude_deg,
         search_frame=predicted.source != IN_IMAGE,
-        own_priors=predicted.priors if stars is None else stars.priors(priors),
+        own_priors=own if stars is None else stars.priors(priors),
         priors=priors if stars is None else stars.priors(priors),
     )

@@ -5,6 +5,7 @@ whose database would grow by a dozen runs per image. Few images are handed out a
 the list. Prefect gets artifacts for its pages and an event for its automations.
 """
 
+import json
 import math
 import threading
 import time
@@ -96,7 +97,8 @@ def work_through(run: Run) -> None:
             note(run, ended)
             bar.show(run.tally.ended)
             product = plan.request.product
-            future = runner.submit(one_image, {"product": product, "job": job_of(plan, options, run.name)})
+            job = json.dumps(job_of(plan, options, run.name))
+            future = runner.submit(one_image, {"product": product, "job": job})
             future.add_done_callback(Ended(product, ended, free))
         for _ in range(at_once):
             free.acquire()

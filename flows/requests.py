@@ -83,18 +83,17 @@ def each_request(found: ImageList, options: ReprocessOptions) -> Iterator[Reques
 
 
 def listed(options: ReprocessOptions) -> ImageList:
-    """The image list, or those of it that match `only`. Raises RefusedError as `requests_of_list`."""
+    """The image list, or those that match `only` and are in the `part`. Raises RefusedError as `requests_of_list`."""
     found = image_list_of(options)
-    if not options.only:
-        return found
-    chosen = found.only(options.only)
-    if not chosen.entries:
-        raise RefusedError(
-            "nothing-to-reprocess",
-            f"no product of {options.images} matches {', '.join(options.only)}.",
-            "See `planetpose catalog show LIST`.",
-        )
-    return chosen
+    if options.only:
+        found = found.only(options.only)
+        if not found.entries:
+            raise RefusedError(
+                "nothing-to-reprocess",
+                f"no product of {options.images} matches {', '.join(options.only)}.",
+                "See `planetpose catalog show LIST`.",
+            )
+    return found.part(options.part) if options.part else found
 
 
 def image_list_of(options: ReprocessOptions) -> ImageList:

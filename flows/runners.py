@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from catalog.errors import RefusedError
+from tasks.quiet_dask import make_dask_quiet
 
 if TYPE_CHECKING:
     from prefect.task_runners import TaskRunner
@@ -59,6 +60,7 @@ def _dask_runner(address: str | None, workers: int) -> "TaskRunner[Any]":
     if address:
         _check_scheduler(address)
         return DaskTaskRunner(address=address)
+    make_dask_quiet()
     # One thread per process, as the workers of deploy/ have it. No dashboard: it would open a port to other machines.
     cluster = {"n_workers": workers, "threads_per_worker": 1, "processes": True, "dashboard_address": None}
     return DaskTaskRunner(cluster_kwargs=cluster)

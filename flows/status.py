@@ -56,14 +56,14 @@ def latest_runs(books: Path) -> list[dict[str, Any]]:
 
 
 def out_of_date(run: dict[str, Any]) -> dict[str, Any]:
-    """What a run like this one would do now: how many images, why, and some of them by name; the fault when list or
-    profile cannot be read any more."""
+    """What a run like this one, of the whole list, would do now: how many images, why, some of them by name; the fault
+    when list or profile cannot be read any more."""
     from flows.reprocessing.planning import Planned
     from flows.reprocessing.run import planned
 
     found: dict[str, Any] = {"list": run.get("list"), "profile": run.get("profile"), "fault": None}
     try:
-        count, plans = planned(ReprocessOptions(**run.get("parameters", {})))
+        count, plans = planned(ReprocessOptions(**run.get("parameters", {}) | {"part": None}))
         planned_so_far = Planned()
         for plan in plans:
             planned_so_far.add(plan)

@@ -14,11 +14,12 @@ from tasks.accept.acceptance import (
     doubtful_limb,
     doubtful_psf,
     doubtful_sun,
+    doubtful_target,
     is_about_orientation,
 )
 from tasks.accept.rest import at_rest
 from tasks.diagnose.diagnosis import MAP
-from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, IMAGE_POSE, POINT, VALIDATE
+from tasks.registry import ATTITUDE, CORRECTIONS, DIAGNOSE, IMAGE_POSE, POINT, POSE, VALIDATE
 
 # Doubts that may be the consequences of another fault, which the step `diagnose` looks for.
 CONSEQUENCES = (
@@ -49,7 +50,8 @@ def doubts(chain: Chain) -> list[str]:
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)
     by_image = chain.last(IMAGE_POSE)
-    found += by_image.result.doubts if by_image else ()
+    # What the corrections say is said without what was not found beforehand.
+    found = [*(by_image.result.doubts if by_image else ()), *found]
     if validated:
         report = validated.result
         if report.patches is None:
@@ -62,7 +64,9 @@ def doubts(chain: Chain) -> list[str]:
     if found and validated:
         spoilt = [doubtful_blocks(accept, validated.result.blocks), doubtful_blur(accept, validated.result.limb)]
         found = [doubt for doubt in (*spoilt, cause_of_doubts(chain)) if doubt] + found
-    return found
+    predicted = chain.last(POSE) or by_image
+    unconfirmed = doubtful_target(accept, validated.result, predicted.result) if validated and predicted else None
+    return [*found, unconfirmed] if unconfirmed else found
 
 
 def solved_psf(chain: Chain) -> float | None:

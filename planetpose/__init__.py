@@ -54,6 +54,7 @@ PUBLIC = {
     "Shift": "tasks.point.registration.base",
     "Law": "tasks.simulate.photometry",
     "view": "viewer.notebook",
+    "widget": "viewer.notebook",
     "HiddenModuleWarning": "planetpose.hidden",
 }
 __all__ = sorted([*PUBLIC, "__version__"])
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from tasks.publish.index import open_index as open_index
     from tasks.simulate.photometry import Law as Law
     from viewer.notebook import view as view
+    from viewer.notebook import widget as widget
 
     __version__: str
 

@@ -1,5 +1,6 @@
 """The server of `planetpose view`: what the page asks for, as JSON and as tiles, and what it writes."""
 
+import html
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
@@ -17,7 +18,7 @@ from tasks.publish.names import OVERLAY
 from tasks.report.page import FILTER
 from viewer.deciding import add_decisions
 from viewer.layers import flow_of
-from viewer.product import advice_of, papers, product_page
+from viewer.opening import opening_of, page_of
 from viewer.security import Access, Guard
 from viewer.side import Side, side_of
 from viewer.table import columns_of
@@ -26,6 +27,7 @@ STATIC = Path(__file__).parent / "static"
 PAGE = STATIC / "index.html"
 TYPES = {".js": "text/javascript; charset=utf-8", ".css": "text/css; charset=utf-8", ".svg": "image/svg+xml"}
 THREADS = 4
+MOST_PLANES = 32  # in one answer
 FAULT = "x-planetpose-fault"
 
 
@@ -65,7 +67,10 @@ def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
     @app.get("/", response_class=HTMLResponse)
     def page() -> HTMLResponse:
         token = "" if access.read_only else access.token
-        text = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", token).replace("@DATA@", "")
+        first = html.escape(sides[0].table.first(), quote=True)
+        text = (
+            PAGE.read_text(encoding="utf-8").replace("@TOKEN@", token).replace("@DATA@", "").replace("@FIRST@", first)
+        )
         return HTMLResponse(text, headers={"cache-control": "no-store"})
 
     @app.get("/static/{name}")
@@ -88,7 +93,8 @@ def add_page(app: FastAPI, access: Access, sides: list[Side]) -> None:
 
 def page_files() -> list[Path]:
     """What the page loads: its own files, and the filters that it shares with the pages of `planetpose report`."""
-    return [*sorted(path for path in STATIC.iterdir() if path.suffix in TYPES), FILTER]
+    own = (path for path in STATIC.iterdir() if path.suffix in TYPES and path.stem != "widget")  # that is a notebook's
+    return [*sorted(own), FILTER]
 
 
 def add_table(app: FastAPI, sides: list[Side]) -> None:
@@ -97,16 +103,16 @@ def add_table(app: FastAPI, sides: list[Side]) -> None:
     @app.get("/api/table")
     def rows(
         text: str = "", sort: str = "", down: bool = False, first: int = 0, count: int = 100, side: int = 0
-    ) -> dict[str, Any]:
-        return side_of(sides, side).table.page(text, sort, down, first, count).__dict__
+    ) -> Response:
+        return JSONResponse(side_of(sides, side).table.page(text, sort, down, first, count).__dict__)
 
     @app.get("/api/place")
     def place(product: str, text: str = "", sort: str = "", down: bool = False) -> dict[str, Any]:
         return {"place": sides[0].table.place_in(product, text, sort, down)}
 
     @app.get("/api/points")
-    def points(x: str, y: str, text: str = "", side: int = 0) -> dict[str, Any]:
-        return side_of(sides, side).table.points(x, y, text)
+    def points(x: str, y: str, text: str = "", side: int = 0) -> Response:
+        return JSONResponse(side_of(sides, side).table.points(x, y, text))
 
     @app.post("/api/refresh")
     def refresh() -> dict[str, Any]:
@@ -119,20 +125,21 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
     """What the page shows of single products."""
 
     @app.get("/api/products/{product}")
-    def product_(product: str, side: int = 0) -> dict[str, Any]:
-        here = side_of(sides, side)
-        row = here.table.row(here.known(product)) or {}
-        seen = {"row": row, "advice": advice_of(row.get("reason")), "ranks": here.table.ranks(product)}
-        if row.get("status") == "unreadable" or here.planes.place(product) is None:
-            return {**papers(here.store, product), **seen}
-        return {**product_page(here.planes, product), **seen}
+    def product_(product: str, side: int = 0) -> Response:
+        return JSONResponse(page_of(side_of(sides, side), product))
 
-    @app.get("/api/products/{product}/tiles/{plane}/{level}/{column}/{row}")
-    def tile(product: str, plane: str, level: int, column: int, row: int, side: int = 0) -> Response:
+    @app.get("/api/products/{product}/opening")
+    def opening(product: str, plane: str = "image", side: int = 0) -> Response:
+        content = opening_of(side_of(sides, side), product, plane)
+        return Response(content, media_type="application/octet-stream", headers={"cache-control": "no-store"})
+
+    @app.get("/api/products/{product}/tiles/{planes}/{level}/{column}/{row}")
+    def tile(product: str, planes: str, level: int, column: int, row: int, side: int = 0) -> Response:
         here = side_of(sides, side)
         if not 0 <= level <= 16:
             raise HTTPException(404)
-        content = here.planes.tile(here.known(product), plane, level, column, row)
+        names = planes.split(",")[:MOST_PLANES]
+        content = b"".join(here.planes.tile(here.known(product), name, level, column, row) for name in names)
         return Response(content, media_type="application/octet-stream", headers={"cache-control": "no-store"})
 
     @app.get("/api/products/{product}/at")
@@ -163,8 +170,12 @@ def add_products(app: FastAPI, sides: list[Side]) -> None:
         return FileResponse(path, media_type="image/png")
 
     @app.get("/api/products/{product}/small.png")
-    def small(product: str, side: int = 0) -> Response:
+    def small(product: str, request: Request, side: int = 0) -> Response:
         from tasks.pictures.thumbnail import thumbnail_of
 
         here = side_of(sides, side)
-        return Response(thumbnail_of(here.planes.cube(here.known(product))), media_type="image/png")
+        version = here.planes.version(here.known(product))
+        headers = {"cache-control": "private, no-cache", "etag": f'"{version}"'}
+        if request.headers.get("if-none-match") == headers["etag"]:
+            return Response(status_code=304, headers=headers)
+        return Response(thumbnail_of(here.planes.cube(product)), media_type="image/png", headers=headers)

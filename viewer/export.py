@@ -3,7 +3,6 @@
 import gzip
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +11,12 @@ from tasks.boundary import reason_of, trouble_of
 from tasks.pictures.thumbnail import thumbnail_of
 from viewer.app import PAGE, page_files
 from viewer.filters import filtered
-from viewer.planes import TILE_PX, Planes
+from viewer.planes import Planes, tile_places
 from viewer.product import advice_of, product_page
 from viewer.side import Side
 from viewer.table import columns_of, plain_value
 
-DATA = "data"
+DATA, SMALL = "data", "small.png"
 # What hovering needs, the image and what is looked at most; distances and simulations are left to the server.
 PLANES = (
     "image", "latitude", "longitude", "incidence", "emission", "phase", "quality",
@@ -40,22 +39,27 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
         (temporary / "static").mkdir()
         for path in page_files():
             shutil.copyfile(path, temporary / "static" / path.name)
-        page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA)
+        page = PAGE.read_text(encoding="utf-8").replace("@TOKEN@", "").replace("@DATA@", DATA).replace("@FIRST@", "")
         (temporary / "index.html").write_text(page, encoding="utf-8")
-        products = temporary / DATA / "products"
+        products, names = temporary / DATA / "products", [column["name"] for column in columns]
+        pictured: list[str] = []
         for row in rows:
-            values = dict(zip((column["name"] for column in columns), row, strict=True))
-            write_product_page(side.planes, values, products / str(values["product"]))
-        about = {"store": side.store.resolve().name, "other": None, "who": "", "columns": columns, "rows": rows}
-        write_json(temporary / DATA / "table.json", about)
+            values = dict(zip(names, row, strict=True))
+            name = str(values["product"])
+            write_product_page(side.planes, values, products / name, side.table.worst(name))
+            pictured += [name] if (products / name / SMALL).is_file() else []
+        about = {"store": side.store.resolve().name, "other": None, "who": ""}
+        table_json = {**about, "columns": columns, "rows": rows, "pictured": pictured}
+        write_json(temporary / DATA / "table.json", table_json)
     return len(rows)
 
 
-def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> None:
+def write_product_page(planes: Planes, row: dict[str, Any], folder: Path, worst: str = "") -> None:
     """Page, tiles and small picture of a product; without its picture where it has none, or cannot be read."""
     product = str(row["product"])
     folder.mkdir(parents=True)
     shown: dict[str, Any] = {"product": product, "row": row, "decisions": [], "advice": advice_of(row.get("reason"))}
+    shown["worst"] = worst
 
     def write_pictures() -> None:
         page = product_page(planes, product)
@@ -64,7 +68,7 @@ def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> Non
         page.pop("run", None)
         for plane in page["planes"]:
             write_tiles(planes, product, plane["name"], page["levels"], folder / plane["name"])
-        (folder / "small.png").write_bytes(thumbnail_of(planes.cube(product)))
+        (folder / SMALL).write_bytes(thumbnail_of(planes.cube(product)))
         shown.update(page)
 
     if row["status"] != "unreadable" and planes.place(product) is not None:
@@ -82,13 +86,6 @@ def write_tiles(planes: Planes, product: str, plane: str, levels: int, folder: P
         for column, row in tile_places(planes.plane(product, plane, level).shape):
             content = gzip.compress(planes.tile(product, plane, level, column, row), GZIP_LEVEL, mtime=0)
             (folder / f"{level}-{column}-{row}.bin.gz").write_bytes(content)
-
-
-def tile_places(shape: tuple[int, ...]) -> Iterator[tuple[int, int]]:
-    """(column, row) of every tile of a plane (ny, nx)."""
-    for row in range(-(-shape[0] // TILE_PX)):
-        for column in range(-(-shape[1] // TILE_PX)):
-            yield column, row
 
 
 def write_json(path: Path, content: Any) -> None:

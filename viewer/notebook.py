@@ -1,14 +1,21 @@
-"""The page of `planetpose view` within a notebook: the same server, in a thread of the notebook's own process."""
+"""What notebooks show: the page of `planetpose view`, served by a thread of the notebook's own process, and a widget
+that needs no server."""
 
 import html
 import threading
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
+from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from viewer.app import build_app
 from viewer.security import Access
 from viewer.serving import listening_socket, quiet_server
+
+if TYPE_CHECKING:
+    from viewer.widget import ImageWidget
 
 
 class View:
@@ -60,4 +67,24 @@ def view(
         on_error.pop_all()
     run = made._server.run
     threading.Thread(target=run, kwargs={"sockets": [listening]}, daemon=True, name=f"view of {store}").start()
+    return made
+
+
+def widget(store: Path | str, product: str | None = None, height: int = 500) -> "ImageWidget":
+    """The picture of an image as a widget: planes, stretch, layers and the values under the mouse. Everything goes
+    through the notebook's own connection, so it also works where the kernel runs on another machine.
+
+    product: shown first. height: of the picture, pixels. The widget's `product` is the image that is shown, `places`
+    what was clicked. Raises RefusedError when there is no store, or no such product in it; ModuleNotFoundError where
+    anywidget is not installed (`pip install 'planetpose[notebook]'`).
+    """
+    try:
+        from viewer.widget import ImageWidget
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError("The widget needs anywidget: pip install 'planetpose[notebook]'") from error
+    made = ImageWidget(Path(store), product, height)
+    if product is not None and product not in made.side.table.places:
+        raise RefusedError(
+            Reason.PRODUCT_MISSING, f"{store} has no product {product}.", "planetpose status lists them."
+        )
     return made

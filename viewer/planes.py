@@ -2,6 +2,7 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 Plane = NDArray[np.float32]
 
 TILE_PX = 512
+OPENING_PX = 1024
 MEMORY_BYTES = 64_000_000
 OPEN_CUBES = 4
 NEAREST = ("quality", "longitude")  # a mean of flags, or over the end of a circle, means nothing
@@ -39,8 +41,8 @@ SIMULATED = {
 class Planes:
     """Planes of one store's products, by name."""
 
-    def __init__(self, store: Path) -> None:
-        self.store = Path(store)
+    def __init__(self, store: Path, tile_px: int = TILE_PX) -> None:
+        self.store, self.tile_px = Path(store), tile_px
         self._lock = threading.RLock()
         self.simulating = threading.Lock()
         self._cubes: OrderedDict[str, xr.Dataset] = OrderedDict()
@@ -55,7 +57,7 @@ class Planes:
             path = self.place(product)
             if path is None:
                 raise RefusedError(Reason.PRODUCT_MISSING, f"{product} has no {CUBE}.", "See its reason in the table.")
-            self._cubes[product] = open_cube(path)
+            self._cubes[product] = open_cube(path, chunked=False)
             while len(self._cubes) > OPEN_CUBES:
                 self._cubes.popitem(last=False)[1].close()
             return self._cubes[product]
@@ -64,6 +66,11 @@ class Planes:
         """The product's cube, or the frame that a failed image left; None where there is neither."""
         failed = failed_folder(self.store, product)
         return next((path for path in (self.store / product / CUBE, failed / FRAME) if path.is_dir()), None)
+
+    def version(self, product: str) -> str:
+        """Another text whenever the product was exchanged; empty where there is none."""
+        place = self.place(product)
+        return "" if place is None else str(place.stat().st_mtime_ns)
 
     def has_product(self, product: str) -> bool:
         """Whether there is a cube; a failed image has its frame alone."""
@@ -103,10 +110,16 @@ class Planes:
         """A tile's values as little-endian float32, row by row; its size follows from the plane's. Raises RefusedError
         for a tile outside of the plane."""
         plane = self.plane(product, name, level)
-        part = plane[row * TILE_PX : (row + 1) * TILE_PX, column * TILE_PX : (column + 1) * TILE_PX]
+        side = self.tile_px
+        part = plane[row * side : (row + 1) * side, column * side : (column + 1) * side]
         if min(row, column) < 0 or not part.size:
             raise RefusedError(Reason.PARAMETERS_INVALID, f"there is no tile {column}, {row}.", "")
         return np.ascontiguousarray(part, dtype="<f4").tobytes()
+
+    def tiles(self, product: str, name: str, level: int) -> bytes:
+        """All tiles of a level, one after the other, row by row."""
+        places = tile_places(self.plane(product, name, level).shape, self.tile_px)
+        return b"".join(self.tile(product, name, level, column, row) for column, row in places)
 
     def names(self, product: str) -> list[dict[str, Any]]:
         """Name, long name and units of every plane of the image's size."""
@@ -124,7 +137,7 @@ class Planes:
 
     def _extra(self, product: str) -> "xr.Dataset | None":
         folder = self.store / product / EXTRA
-        return open_cube(folder) if folder.is_dir() else None
+        return open_cube(folder, chunked=False) if folder.is_dir() else None
 
     def _read(self, product: str, name: str) -> Plane:
         cube = self.cube(product)
@@ -180,19 +193,39 @@ def reduced(plane: Plane, nearest: bool) -> Plane:
     """Half the size: means of what is known in 2 x 2 pixels, or one of them."""
     if nearest:
         return np.ascontiguousarray(plane[::2, ::2])
-    rows, columns = (size + size % 2 for size in plane.shape)
-    padded = np.full((rows, columns), np.nan, np.float32)
-    padded[: plane.shape[0], : plane.shape[1]] = plane
-    squares = padded.reshape(rows // 2, 2, columns // 2, 2)
-    known = np.isfinite(squares)
-    count = known.sum(axis=(1, 3))
-    total = np.where(known, squares, 0).sum(axis=(1, 3), dtype=np.float64)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan).astype(np.float32)
+    ny, nx = plane.shape
+    if ny % 2 or nx % 2:
+        plane = np.pad(plane, ((0, ny % 2), (0, nx % 2)), constant_values=np.nan)
+    squares = [plane[row::2, column::2] for row in (0, 1) for column in (0, 1)]
+    found: Plane = (squares[0] + squares[1] + squares[2] + squares[3]) * np.float32(0.25)
+    partly = ~np.isfinite(found)
+    if partly.any():
+        four = np.stack([square[partly] for square in squares])
+        known = np.isfinite(four)
+        count = known.sum(axis=0)
+        total = np.where(known, four, 0).sum(axis=0, dtype=np.float64)
+        found[partly] = np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    return found
 
 
-def levels_of(shape: tuple[int, int]) -> int:
+def opening_level(shape: tuple[int, int]) -> int:
+    """The finest level whose sides are OPENING_PX at most: what a frame of usual size is looked at first."""
+    level, size = 0, max(shape)
+    while size > OPENING_PX:
+        size, level = (size + 1) // 2, level + 1
+    return level
+
+
+def levels_of(shape: tuple[int, int], tile_px: int = TILE_PX) -> int:
     """How many levels there are until the whole plane is one tile."""
     levels, size = 1, max(shape)
-    while size > TILE_PX:
+    while size > tile_px:
         size, levels = (size + 1) // 2, levels + 1
     return levels
+
+
+def tile_places(shape: tuple[int, ...], tile_px: int = TILE_PX) -> Iterator[tuple[int, int]]:
+    """(column, row) of every tile of a plane (ny, nx), row by row."""
+    for row in range(-(-shape[0] // tile_px)):
+        for column in range(-(-shape[1] // tile_px)):
+            yield column, row

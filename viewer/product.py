@@ -21,7 +21,7 @@ from tasks.publish.cube_model import CubeModel, model_of
 from tasks.publish.names import RESULT
 from tasks.publish.overlay import GRID_STEP_DEG, grid_labels
 from viewer.layers import others_of, places_on, stars_of
-from viewer.planes import TILE_PX, Planes, levels_of
+from viewer.planes import Planes, levels_of
 
 CODE = re.compile(r"(?:^|(?<=\s))([a-z][a-z0-9-]+)(?=: )")
 KNOWN_CODES = frozenset(Reason)
@@ -29,6 +29,7 @@ SHOWN_RESULT = (
     "status", "reason", "warnings", "utc", "camera", "target", "profile", "pose_source", "guidance", "centre_px",
     "offset_px", "range_factor", "range_factor_free", "attitude_deg", "roll_deg", "psf_sigma_px", "uncertainty",
     "orientation", "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "seconds", "image",
+    "patches",
 )  # fmt: skip
 
 
@@ -49,8 +50,8 @@ def product_page(planes: Planes, product: str) -> dict[str, Any]:
         "product": product,
         "size_px": [int(nx), int(ny)],
         "first_px": [int(cube[name][0]) for name in ("x", "y")],
-        "tile_px": TILE_PX,
-        "levels": levels_of((int(ny), int(nx))),
+        "tile_px": planes.tile_px,
+        "levels": levels_of((int(ny), int(nx)), planes.tile_px),
         "planes": planes.names(product),
         "flags": flags,
         "radii_km": list(model.target.radii_km),

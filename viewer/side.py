@@ -7,7 +7,7 @@ from fastapi import HTTPException
 
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
-from viewer.planes import Planes
+from viewer.planes import TILE_PX, Planes
 from viewer.table import Table
 
 if TYPE_CHECKING:
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 class Side:
     """One store with its table and planes."""
 
-    def __init__(self, store: Path) -> None:
+    def __init__(self, store: Path, tile_px: int = TILE_PX) -> None:
         self.store = Path(store)
-        self.table, self.planes = Table(self.store), Planes(self.store)
+        self.table, self.planes = Table(self.store), Planes(self.store, tile_px)
 
     def known(self, product: str) -> str:
         """The product's name. Raises HTTPException for one that is not in the store's table: nothing else is served."""

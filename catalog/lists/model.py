@@ -10,6 +10,7 @@ from catalog.flips import Flip
 from catalog.image_mode import Window
 from catalog.lists.kernel_sets import expanded
 from catalog.lists.location import Location, address_beside, parse_location
+from catalog.lists.part import parse_part, part_of
 from catalog.safe_name import safe_product_name
 
 NO_FILES = ("none", "image")  # in place of a base map, of a pose file
@@ -155,4 +156,10 @@ class ImageList(BaseModel):
         from fnmatch import fnmatchcase
 
         chosen = tuple(e for e in self.entries if any(fnmatchcase(e.product, pattern) for pattern in products))
+        return self.model_copy(update={"entries": chosen})
+
+    def part(self, text: str) -> "ImageList":
+        """The list with the entries of a part alone, see `catalog.lists.part`. Raises ValueError as `parse_part`."""
+        number, count = parse_part(text)
+        chosen = tuple(entry for entry in self.entries if part_of(entry.product, count) == number)
         return self.model_copy(update={"entries": chosen})

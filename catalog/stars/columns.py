@@ -2,9 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
 
+Array = NDArray[np.float64]
 # Names that a column may have, in lower case, the likelier first: Gaia's archive, VizieR's copies of Gaia, Tycho and
 # UCAC, and plain English.
 KNOWN_NAMES: Mapping[str, tuple[str, ...]] = {
@@ -59,11 +63,46 @@ def column_map(present: Sequence[str], given: Mapping[str, str], path: str) -> d
         known = next((by_lower[name] for name in names if name in by_lower), None)
         if key not in found and known is not None:
             found[key] = known
-    if lacking := [key for key in NEEDED if key not in found]:
+    lacking = [key for key in NEEDED if key not in found]
+    if lacking and present and all(_is_number(name) for name in present):
+        fault = f"star catalog {path} has no names of columns: its first line is {_some(present)}."
+        raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, "Write a first line of names, as ra,dec,mag.")
+    if lacking:
         fault = f"star catalog {path} has no column that is known as {', '.join(lacking)}; it has {_some(present)}."
         remedy = f"Say which is which: --columns {','.join(f'{key}=COLUMN' for key in lacking)}."
         raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, remedy)
+    by_name: dict[str, list[str]] = {}
+    for key, name in found.items():
+        by_name.setdefault(name, []).append(key)
+    if twice := [f"{' and '.join(keys)} are both {name}" for name, keys in by_name.items() if len(keys) > 1]:
+        fault = f"star catalog {path}: {'; '.join(twice)}; it has {_some(present)}."
+        raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, "Give --columns a column of its own for each.")
     return found
+
+
+def are_directions(ra_deg: Array, dec_deg: Array) -> NDArray[np.bool_]:
+    """Which of right ascensions and declinations (n,), degrees, are a direction."""
+    return np.asarray(np.isfinite(ra_deg) & np.isfinite(dec_deg) & (np.abs(dec_deg) <= 90))
+
+
+def check_directions(ra_deg: Array, dec_deg: Array, names: Mapping[str, str], path: str) -> None:
+    """Raise RefusedError where no row (n,) of a catalog has a direction."""
+    if are_directions(ra_deg, dec_deg).any():
+        return
+    ra, dec = names["ra_deg"], names["dec_deg"]
+    fault = f"star catalog {path}: none of its {len(ra_deg)} rows has a direction in decimal degrees in {ra} and {dec}."
+    remedy = "Convert hours and sexagesimal text, or name the right columns: --columns ra_deg=COLUMN,dec_deg=COLUMN."
+    if not len(ra_deg):
+        fault, remedy = f"star catalog {path} holds no stars.", "Give a file with rows, or gaia or hipparcos."
+    raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, remedy)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _some(names: Sequence[str]) -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from catalog.regular_file import check_regular
-from catalog.stars.columns import column_map
+from catalog.stars.columns import are_directions, check_directions, column_map
 from catalog.stars.source import Cone
 from catalog.stars.table import StarTable, unit_vectors
 
@@ -34,6 +34,7 @@ ROWS_AT_ONCE = 200_000
 WIDER_SHARE, WIDER_DEG = 1.1, 1.0  # of a cone of a large CSV file: a search's later cones lie about its first one
 NARROWER = "give --near and --cone-deg, and sort the file by declination"
 DEFAULT_EPOCH = 2000.0
+LONGEST_LINE, MOST_COMMENTS = 65_536, 1000
 Columns = dict[str, NDArray[Any]]
 OPTIONAL = ("pm_ra_mas", "pm_dec_mas", "parallax_mas")
 
@@ -51,6 +52,12 @@ class FileCatalog:
     def name(self) -> str:
         """The file's name."""
         return self.path.name
+
+    def check(self) -> None:
+        """Raise RefusedError where the file is no star catalog. A CSV file that is too large to keep is not read."""
+        text = SUFFIXES.get(self.path.suffix.lower()) == "csv"
+        if not (text and self.path.is_file() and self.path.stat().st_size > WHOLE_TEXT_BYTES):
+            self.stars(Cone(unit_vectors(0.0, 90.0), 1e-6))
 
     def stars(self, cone: Cone | None = None) -> StarTable:
         """Stars within a cone, or all; brightest first. Raises RefusedError naming the file, the fault, the remedy."""
@@ -85,7 +92,7 @@ class FileCatalog:
     def _table(self, columns: Columns, cone: Cone | None) -> StarTable:
         values = {key: _numbers(column) for key, column in columns.items() if key not in ("ident", "epoch")}
         ra, dec = values["ra_deg"], values["dec_deg"]
-        known = np.isfinite(ra) & np.isfinite(dec) & (np.abs(dec) <= 90)
+        known = are_directions(ra, dec)
         if cone is not None:
             known &= unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg))
         chosen = np.flatnonzero(known)
@@ -133,10 +140,14 @@ def _of_parquet(path: Path, given: Mapping[str, str], cone: Cone | None) -> Colu
             groups = [number for number in range(file.num_row_groups) if _may_hold(file, number, names, cone)]
             if (rows := sum(file.metadata.row_group(number).num_rows for number in groups)) > MOST_STARS:
                 raise ValueError(f"{rows} stars would be read, {MOST_STARS} are the most; {NARROWER}")
+            rows = file.metadata.num_rows
             table = file.read_row_groups(groups, columns=list(names.values()))
     except pa.ArrowException as error:
         raise ValueError(str(error)) from error
-    return {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}
+    columns = {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}
+    if groups or not rows:
+        check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
+    return columns
 
 
 def _may_hold(file: Any, number: int, names: Mapping[str, str], cone: Cone | None) -> bool:
@@ -181,8 +192,9 @@ def _of_fits(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns
         data = tables[0].data
         names = column_map(data.names, given, str(path))
         chosen: Any = slice(None)
+        ra, dec = (np.asarray(data[names[key]], dtype=np.float64) for key in ("ra_deg", "dec_deg"))
+        check_directions(ra, dec, names, str(path))
         if cone is not None:
-            ra, dec = (np.asarray(data[names[key]], dtype=np.float64) for key in ("ra_deg", "dec_deg"))
             chosen = np.flatnonzero(unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg)))
         return {key: np.array(data[name][chosen]) for key, name in names.items()}
 
@@ -195,19 +207,28 @@ def _of_text(path: Path, kind: str, given: tuple[tuple[str, str], ...], _: tuple
 
         table = parse_single_table(path, verify="ignore").to_table(use_names_over_ids=True)
         names = column_map(table.colnames, dict(given), str(path))
-        return {key: np.ma.asarray(table[name]) for key, name in names.items()}
-    content = _read_csv(path)
-    names = column_map([str(name).strip() for name in content.columns], dict(given), str(path))
-    return _columns_of(content, names)
+        columns: Columns = {key: np.ma.asarray(table[name]) for key, name in names.items()}
+    else:
+        content = _read_csv(path)
+        names = column_map([str(name).strip() for name in content.columns], dict(given), str(path))
+        columns = _columns_of(content, names)
+    check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
+    return columns
 
 
 def _read_csv(path: Path, **more: Any) -> Any:
     """A data frame, or with `chunksize` an iterator of such."""
     import pandas as pd
 
-    return pd.read_csv(
-        path, sep="\t" if path.suffix.lower() == ".tsv" else ",", comment="#", skipinitialspace=True, **more
-    )
+    return pd.read_csv(path, sep=_separator(path), comment="#", skipinitialspace=True, **more)
+
+
+def _separator(path: Path) -> str:
+    """What is between the names of the first line: a comma, or else a tab, semicolon or bar."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        lines = (file.readline(LONGEST_LINE) for _ in range(MOST_COMMENTS))
+        first = next((line for line in lines if line.strip() and not line.startswith("#")), "")
+    return next((each for each in ",\t;|" if each in first), ",")
 
 
 def _columns_of(content: Any, names: Mapping[str, str]) -> Columns:
@@ -240,13 +261,14 @@ class _Pieces:
         names = column_map([name.strip() for name in head], self.given, str(self.path))
         used = [name for name in head if name.strip() in names.values()]
         kept: list[Columns] = []
-        rows = stars = 0
+        rows = stars = directions_known = 0
         with _read_csv(self.path, usecols=used, chunksize=ROWS_AT_ONCE) as pieces:
             for piece in pieces:
                 count, columns = len(piece), _columns_of(piece, names)
                 # Stars without a name have the number of their row.
                 columns.setdefault("ident", np.arange(rows, rows + count))
                 rows += count
+                directions_known += int(are_directions(columns["ra_deg"], columns["dec_deg"]).sum())
                 inside = np.ones(count, bool)
                 if cone is not None:
                     directions = unit_vectors(columns["ra_deg"], columns["dec_deg"])
@@ -255,6 +277,8 @@ class _Pieces:
                 stars += int(inside.sum())
                 if stars > MOST_STARS:
                     raise ValueError(f"more than {MOST_STARS} stars are in it; give --near and --cone-deg")
+        if not directions_known:
+            check_directions(np.full(rows, np.nan), np.full(rows, np.nan), names, str(self.path))
         return {key: np.concatenate([piece[key] for piece in kept]) for key in kept[0]}
 
 

@@ -45,7 +45,7 @@ def say_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-Version = Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say the version.")]
+Version = Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True, help="Print the version.")]
 
 
 def common(version: Version = False) -> None:

@@ -1,6 +1,7 @@
 """The Prefect task: one image. It runs in a thread of the flow's process, or in a Dask worker anywhere; the image is
 done by a process of that machine, and how it ended is written into the store there."""
 
+import json
 import logging
 import platform
 from collections.abc import Mapping
@@ -53,17 +54,19 @@ def may_pass(_: Any, __: Any, state: State[Any]) -> bool:
 
 
 @task(name="image", task_run_name="{product}", persist_result=False, cache_policy=NO_CACHE)
-def image(product: str, job: Job) -> State[None]:
+def image(product: str, job: str) -> State[None]:
     """Correct one image in a process of this machine. Completed when it is published, else Failed; a fault that may be
-    gone the next time is raised as PassingFaultError."""
+    gone the next time is raised as PassingFaultError. job: JSON, for Prefect looks into every part of a dictionary,
+    here and on the worker, and Dask hashes them."""
     # A Dask cluster gets this function by value, and its own module's processes and listeners by name.
     from flows.reprocessing.image_task import perform
 
     return perform(product, job)
 
 
-def perform(product: str, job: Job) -> State[None]:
+def perform(product: str, text: str) -> State[None]:
     """What the task does."""
+    job = json.loads(text)
     try:
         outcome = do_image(job, pool, audience().reporter)
     except InterruptedRunError as error:

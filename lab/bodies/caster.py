@@ -48,19 +48,57 @@ class Cast:
     shadow: Array
 
 
-def rendered(view: View, globes: Sequence[Globe], sun_km: Array, sun_points: int = 19) -> NDArray[np.float32]:
-    """Radiance (rows * oversample, columns * oversample) under a Sun at `sun_km` (3,), J2000, from the spacecraft."""
+def rendered(
+    view: View, globes: Sequence[Globe], sun_km: Array, sun_points: int = 19, lamps: "Lamps | None" = None
+) -> NDArray[np.float32]:
+    """Radiance (rows * oversample, columns * oversample) under a Sun at `sun_km` (3,), J2000, from the spacecraft;
+    lamps: what else lights the first globe."""
     wide, high = view.columns * view.oversample, view.rows * view.oversample
     picture = np.zeros((high, wide), np.float32)
     step = max(1, STRIP_RAYS // wide)
     for first in range(0, high, step):
         last = min(first + step, high)
-        light = cast(view.rays(first, last), globes, sun_km, sun_points).radiance
+        light = cast(view.rays(first, last), globes, sun_km, sun_points, lamps).radiance
         picture[first:last] = light.reshape(last - first, wide)
     return picture
 
 
-def cast(rays: Array, globes: Sequence[Globe], sun_km: Array, sun_points: int = 37) -> Cast:
+@dataclass(frozen=True)
+class Lamps:
+    """Patches of another globe's sunlit surface, as points: places (n, 3), J2000, from the spacecraft; what each throws
+    on a surface at 1 km that it shines on straight, relative to sunlight, (n,)."""
+
+    places_km: Array
+    power: Array
+
+
+def lamps_of(globe: Globe, albedo: float, towards_km: Array, sun_km: Array, count: int = 400) -> Lamps:
+    """Those of a sphere whose patches scatter as Lambert's surface does, of a geometric albedo, that see the place
+    `towards_km` (3,): a sphere's geometric albedo is two thirds of its surface's reflectance."""
+    radius, centre = float(globe.solid.radii_km.max()), globe.solid.centre_km
+    k = np.arange(count) + 0.5
+    z, angle = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    normals = np.stack([np.sqrt(1 - z**2) * np.cos(angle), np.sqrt(1 - z**2) * np.sin(angle), z], axis=1)
+    places = centre + radius * normals
+    to_sun = (sun_km - centre) / np.linalg.norm(sun_km - centre)
+    to_place = towards_km - places
+    to_place /= np.linalg.norm(to_place, axis=1)[:, None]
+    lit, seen = np.maximum(normals @ to_sun, 0), np.maximum((normals * to_place).sum(axis=1), 0)
+    nearer = float(((towards_km - sun_km) ** 2).sum() / ((centre - sun_km) ** 2).sum())
+    power = 1.5 * albedo / np.pi * lit * seen * 4 * np.pi * radius**2 / count * nearer
+    return Lamps(places[power > 0], power[power > 0])
+
+
+def lamp_light(hits: Hits, rays: Array, solid: Solid, lamps: Lamps) -> Array:
+    """Radiance (n,) of points that lamps light."""
+    light = np.zeros(len(hits.rays))
+    for place, power in zip(lamps.places_km, lamps.power, strict=True):
+        away = solid.body_from_j2000 @ (place - solid.centre_km) - hits.points_km
+        light += power / (away**2).sum(axis=1) * surface_light(hits, rays, solid, place)
+    return light
+
+
+def cast(rays: Array, globes: Sequence[Globe], sun_km: Array, sun_points: int = 37, lamps: Lamps | None = None) -> Cast:
     """What rays (n, 3), unit vectors of J2000, meet."""
     nearest, light = np.full(len(rays), np.inf), np.zeros(len(rays))
     body_id, shadow = np.zeros(len(rays), np.int32), np.full(len(rays), np.nan)
@@ -72,6 +110,8 @@ def cast(rays: Array, globes: Sequence[Globe], sun_km: Array, sun_points: int = 
             continue
         covered = covered_sun(seen.points_km, globe, globes, sun_km, sun_points)
         light[seen.rays] = surface_light(seen, rays[seen.rays], globe.solid, sun_km) * (1 - covered)
+        if lamps is not None and globe is globes[0]:
+            light[seen.rays] += lamp_light(seen, rays[seen.rays], globe.solid, lamps)
         nearest[seen.rays], body_id[seen.rays], shadow[seen.rays] = seen.distance_km, globe.naif_id, covered
     for globe in globes:
         if globe.rings:

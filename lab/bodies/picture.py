@@ -39,7 +39,8 @@ def picture_of(scene: Scene) -> NDArray[np.int16]:
     blur = Blur(scene.lens.psf_px)
     margin = blur.reach_px
     globes, sun = scene.globes(), scene.target_km + scene.sun_km
-    light = blurred(rendered(view_of(scene, margin, FINE), globes, sun), blur, FINE)
+    lamps = scene.lamps()
+    light = blurred(rendered(view_of(scene, margin, FINE), globes, sun, lamps=lamps), blur, FINE)
     light = light[margin:-margin, margin:-margin]
     alone = cast(view_of(scene, 0, 1).rays(0, FRAME_PX), globes, sun, 7)
     own = light.ravel()[alone.body_id == globes[0].naif_id]

@@ -127,6 +127,15 @@ def ring(frame: Frame, _: str) -> Placed:
     return [("saturn", -((outer + gap) * ansa + behind * sight))]
 
 
+def night(frame: Frame, _: str) -> Placed:
+    """Jupiter on the side of the spacecraft, outside the frame or beside the moon: it lights the night side."""
+    sight = frame.target_km / np.linalg.norm(frame.target_km)
+    side = np.cross(sight, [0.0, 0.0, 1.0])
+    away = rotation_from_vector_deg(float(frame.random.uniform(15, 50)) * side / np.linalg.norm(side))
+    around = rotation_from_vector_deg(frame.angle_deg * sight)
+    return [("jupiter", -float(frame.random.uniform(4e5, 7e5)) * (around @ away @ sight))]
+
+
 PLACES = {
     "beside": beside,
     "transit": transit,
@@ -137,4 +146,5 @@ PLACES = {
     "eclipsed": eclipsed,
     "moon-shadow": moon_shadow,
     "ring": ring,
+    "night": night,
 }

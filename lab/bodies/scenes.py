@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
-from lab.bodies.caster import Annulus, Globe, cast
+from lab.bodies.caster import Annulus, Globe, Lamps, cast, lamps_of
 from lab.bodies.places import MOONS, PLACES, Frame, orientation_of
 from lab.honesty.caster import rays_of
 from lab.honesty.scene import LENSES, Lens
@@ -22,6 +22,7 @@ from lab.honesty.solids import Solid, Texture, packaged_texture, procedural_text
 Array = NDArray[np.float64]
 KINDS = (
     "beside", "transit", "straddling", "half-hidden", "hidden-by-planet", "shadow", "eclipsed", "moon-shadow", "ring",
+    "night",
 )  # fmt: skip
 FRAME_PX = 320
 MASTER_SEED = 20261201
@@ -33,10 +34,17 @@ LAWS: tuple[tuple[str, dict[str, float]], ...] = (
     ("hapke", {"w": 0.9, "b": -0.25, "b0": 0.5, "h": 0.05, "roughness_deg": 15.0}),
 )
 OFFSET_PX, RANGE_SIGMA, ATTITUDE_DEG, EPHEMERIS_KM = 8.0, 0.001, 0.3, 5.0
+PHASES, NIGHT_PHASES = (15, 75), (95, 150)
 ATTEMPTS, SAMPLES = 60, 60
 LEAST_LIT, RIM = 0.35, 0.9
 # Where something hides or shadows the target it does so.
-MOST_LIT = dict.fromkeys(KINDS, 0.97) | {"beside": 1.0, "transit": 1.0, "straddling": 1.0, "moon-shadow": 0.9999}
+MOST_LIT = dict.fromkeys(KINDS, 0.97) | {
+    "beside": 1.0,
+    "transit": 1.0,
+    "straddling": 1.0,
+    "moon-shadow": 0.9999,
+    "night": 1.0,
+}
 
 
 @dataclass(frozen=True)
@@ -74,6 +82,14 @@ class Scene:
     def globes(self) -> list[Globe]:
         """All bodies, the target first."""
         return [self._globe(self.target, np.zeros(3)), *(self._globe(o.name, o.from_target_km) for o in self.others)]
+
+    def lamps(self) -> Lamps | None:
+        """Light of the planet on the target, in scenes of its night side; elsewhere it is lost in sunlight."""
+        if self.kind != "night":
+            return None
+        planet = self.globes()[1]
+        albedo = find_target(self.others[0].name).geometric_albedo
+        return lamps_of(planet, albedo, self.target_km, self.target_km + self.sun_km)
 
     def _globe(self, name: str, offset: Array) -> Globe:
         known = find_target(name)
@@ -155,7 +171,8 @@ def drawn(kind: str, number: int, attempt: int) -> Scene:
     radius_km = find_target(target).mean_radius_km
     range_km = lens.focal_px * radius_km / radius_px
     sight = unit(random.uniform(0, 360), random.uniform(-12, 12))
-    phase = float(random.uniform(15, 75)) * random.choice([-1, 1])
+    phases = NIGHT_PHASES if kind == "night" else PHASES
+    phase = float(random.uniform(*phases)) * random.choice([-1, 1])
     towards = rotation_from_vector_deg([0, 0, phase]) @ -sight
     sun = towards * SUN_KM["saturn" if ringed else "jupiter"]
     camera = looking_along(sight, float(random.uniform(-20, 20)), lens.focal_px, random.uniform(0.38, 0.62, 2))

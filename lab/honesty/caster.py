@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.honesty.laws import radiance
-from lab.honesty.solids import Solid, sample
+from lab.honesty.solids import Solid, Terrain, sample
 
 Array = NDArray[np.float64]
 Shift = Callable[[Array, Array], tuple[Array, Array]]
 STRIP_RAYS = 400_000
 MARCH_STEPS = 32
 BISECTIONS = 18
+TERRAIN_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,10 @@ def met(rays: Array, solid: Solid) -> Hits:
     """The nearest point of `solid` on each ray that meets it."""
     start = -solid.body_from_j2000 @ solid.centre_km
     directions = rays @ solid.body_from_j2000.T
+    if isinstance(solid.relief, Terrain):
+        distance, chosen = _terrain_crossing(start, directions, solid.relief, solid.radii_km)
+        points = start + distance[:, None] * directions[chosen]
+        return Hits(chosen, distance, points, _relief_normals(points, solid))
     grown = 1.0 if solid.relief is None else 1.0 + _highest(solid)
     near, far, chosen = _crossings(start, directions, solid.radii_km * grown)
     directions = directions[chosen]
@@ -111,6 +116,26 @@ def _crossings(start: Array, directions: Array, radii: Array) -> tuple[Array, Ar
     chosen = np.flatnonzero((discriminant > 0) & (b < 0))
     root, a, b = np.sqrt(discriminant[chosen]), a[chosen], b[chosen]
     return (-b - root) / a, (-b + root) / a, chosen
+
+
+def _terrain_crossing(
+    start: Array, directions: Array, terrain: Terrain, radii: Array
+) -> tuple[Array, NDArray[np.intp]]:
+    """Distances of the first crossing of a slight relief, and which rays have one: of the ellipsoid that is as high as
+    the terrain at the point, found anew there. A ray passes where it is nearest above the terrain."""
+    _, _, chosen = _crossings(start, directions, radii * (1 + float(terrain.heights.max())))
+    scaled, origin = directions[chosen] / radii, start / radii
+    a, b, c = (scaled**2).sum(axis=1), scaled @ origin, float(origin @ origin)
+    distance = -b / a
+    hits = np.ones(len(chosen), bool)
+    for number in range(TERRAIN_ROUNDS):
+        points = start + distance[:, None] * directions[chosen]
+        height = terrain.height(points / np.linalg.norm(points, axis=1, keepdims=True))
+        left = b**2 - a * (c - (1 + height) ** 2)
+        if number == 0:
+            hits = left > 0
+        distance = (-b - np.sqrt(np.maximum(left, 0.0))) / a
+    return distance[hits], chosen[hits]
 
 
 def _highest(solid: Solid) -> float:

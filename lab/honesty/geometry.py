@@ -127,7 +127,7 @@ def planted_errors(scene: Scene) -> dict[str, Any]:
         "range_factor": 1 + cut_normal(random, range_sigma),
         "attitude_deg": [float(a) for a in attitude],
         "sun_off_deg": scene.sun_off_deg,
-        "focal_error": scene.focal_error + cut_normal(random_of(scene, 7), FOCAL_SIGMA),
+        "focal_error": scene.focal_error + FOCAL_SIGMA * float(random_of(scene, 7).normal()),
     }
 
 

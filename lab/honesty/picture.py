@@ -13,7 +13,6 @@ from catalog.target import Target, find_target
 from lab.honesty.caster import View, render
 from lab.honesty.geometry import (
     Geometry,
-    cut_normal,
     planted_errors,
     predicted_geometry,
     random_of,
@@ -24,11 +23,14 @@ from lab.honesty.geometry import (
 from lab.honesty.optics import Blur, Detector, bending, blurred
 from lab.honesty.scene import LENSES, MAP_FRAME_SIGMA_DEG, Other, Scene
 from lab.honesty.solids import (
+    Relief,
     Solid,
+    Terrain,
     Texture,
     packaged_texture,
     procedural_texture,
     random_relief,
+    random_terrain,
     with_map_errors,
     write_map,
 )
@@ -38,6 +40,8 @@ Array = NDArray[np.float64]
 FRONT, BEHIND, SHADOW_RADII = 0.6, 1.4, 40.0
 PROCEDURAL_SEEDS = 3
 GRAINS = 4
+# Relief, relative to the radius, that is still slight.
+MOST_TERRAIN = 0.02
 OVERSAMPLE = ((60.0, 5), (150.0, 4), (320.0, 3))
 
 
@@ -57,12 +61,12 @@ def oversample_of(radius_px: float) -> int:
 
 
 def target_solid(scene: Scene, true: Geometry) -> tuple[Solid, dict[str, Any]]:
-    """The target as it is, and how it differs from what the catalog says: its radius by a draw of its error, and the
-    frame of its map."""
+    """The target as it is, and how it differs from what the catalog says: its radius and the frame of its map by draws
+    of their errors, and its surface by the relief that its file states."""
     random = random_of(scene, 3)
     target = find_target(scene.target)
-    radius_error = cut_normal(random, (target.radius_sigma_km or 0.0) / target.mean_radius_km)
-    frame_deg = cut_normal(random, MAP_FRAME_SIGMA_DEG, 3)
+    radius_error = float(random.normal()) * (target.radius_sigma_km or 0.0) / target.mean_radius_km
+    frame_deg = random.normal(size=3) * MAP_FRAME_SIGMA_DEG
     texture = surface_texture(scene, target)
     solid = Solid(
         true.target_from_spacecraft_km,
@@ -72,9 +76,15 @@ def target_solid(scene: Scene, true: Geometry) -> tuple[Solid, dict[str, Any]]:
         scene.parameters,
         with_map_errors(texture, scene.seed % GRAINS, scene.map_noise, scene.map_contrast),
         np.asarray(Rotation.from_rotvec(np.radians(frame_deg)).as_matrix()),
-        relief=random_relief(random, scene.relief) if scene.relief else None,
+        relief=random_relief(random, scene.relief) if scene.relief else stated_terrain(scene, target),
     )
     return solid, {"radius_error": radius_error, "map_frame_deg": [float(a) for a in frame_deg]}
+
+
+def stated_terrain(scene: Scene, target: Target) -> Terrain | None:
+    """The relief that the target's file states, or that bodies of its size have."""
+    relief = target.expected_relief_km / target.mean_radius_km
+    return random_terrain(random_of(scene, 8), relief) if 0 < relief < MOST_TERRAIN else None
 
 
 def surface_texture(scene: Scene, target: Target) -> Texture:
@@ -116,7 +126,7 @@ def window_of(scene: Scene, true: Geometry, solids: list[Solid], margin_px: int)
         if v[2] <= 0:
             continue
         place = v[:2] / v[2] * true.focal_px + np.asarray(true.centre_px)
-        reach = 1.6 if solid.relief else 1.03
+        reach = 1.6 if isinstance(solid.relief, Relief) else 1.06
         radius_px = reach * true.focal_px * solid.radii_km.max() / float(np.linalg.norm(solid.centre_km))
         low, high = np.minimum(low, place - radius_px), np.maximum(high, place + radius_px)
     first = np.clip(np.floor(low) - margin_px, -margin_px, scene.frame_px).astype(int)
@@ -187,7 +197,8 @@ def write_scene(scene: Scene, folder: Path) -> tuple[Files, dict[str, Any]]:
     )
     fits.writeto(files.image, expose(scene, light), overwrite=True)
     files.camera.write_text(camera_text(scene, predicted))
-    files.pose.write_text(json.dumps(predicted.pose()))
+    stated = {"errors": scene.stated_errors} if scene.stated_errors else {}
+    files.pose.write_text(json.dumps(predicted.pose() | stated))
     truth = {
         "pose": seen_geometry(scene, true).pose(),
         "place_px": seen_place_px(scene, true).tolist(),

@@ -104,10 +104,11 @@ def by(pairs: list[tuple[Row, Row | None]], key: Callable[[Row], str]) -> Row:
 
 
 def within(pairs: list[tuple[Row, Row | None]]) -> Row:
-    """For each quantity: components, shares within 1 and 2 sigmas, rms z and mean z; None without any."""
+    """For each quantity: components, shares within 1 and 2 sigmas, rms z and mean z; None without any. An orientation
+    that stays as predicted is no result: its sigma is that of the metadata."""
     figures: Row = {"scenes": len(pairs)}
     for name, key in QUANTITIES.items():
-        errors = [errors[key] for _, errors in pairs if errors and errors[key].get("stated", True)]
+        errors = [errors[key] for row, errors in pairs if errors and is_result(row, errors[key])]
         z = np.array([value for error in errors for value in error["z"] or ()])
         figures[name] = None
         if z.size:
@@ -119,6 +120,11 @@ def within(pairs: list[tuple[Row, Row | None]]) -> Row:
                 "mean": float(z.mean()),
             }
     return figures
+
+
+def is_result(row: Row, error: Row) -> bool:
+    """Whether the image told what an error is of, and the result states its sigma."""
+    return "stated" not in error or (error["stated"] and row["result"]["attitude_deg"] is not None)
 
 
 def is_calibrated(figures: Row) -> bool:

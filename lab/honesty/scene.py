@@ -112,6 +112,16 @@ class Scene:
         return self.stated_target != self.target or self.picture.startswith("mirrored")
 
     @property
+    def stated_errors(self) -> dict[str, float]:
+        """1-sigma errors that the pose file states of itself: good metadata know how good their range is. One that was
+        made from the picture, by the size of a disk that is another body's, has nothing to state. How good their
+        orientation is they state where no map can test it."""
+        is_known = self.metadata == "good" and (self.reported is None or self.same_range)
+        errors = {"range_share": GOOD_RANGE_SIGMA} if is_known else {}
+        untested = is_known and self.given == "none" and self.orientation_deg is None
+        return errors | ({"attitude_deg": GOOD_ATTITUDE_SIGMA_DEG} if untested else {})
+
+    @property
     def in_frame(self) -> float:
         """Share of the disk's width and height that lies in the frame, the product of both."""
         if self.centre is None:

@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 Texture = NDArray[np.float32]
 ROWS, COLUMNS = 1024, 2048
 LEAST_ALBEDO = 0.05
+# Heights of a terrain's limb rise and fall together over so much of it, degrees, and on so fine a grid.
+TERRAIN_ARC_DEG, TERRAIN_ROWS = 20.0, 90
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,18 @@ class Relief:
 
 
 @dataclass(frozen=True)
+class Terrain:
+    """The relief that a body's file states: heights (rows, columns) relative to the radius, at most some per cent, on
+    planetocentric latitude (north up) and east longitude from 0."""
+
+    heights: Texture
+
+    def height(self, directions: Array) -> Array:
+        """Relative height (n,) of unit vectors (n, 3) in the body's frame."""
+        return sample(self.heights, directions)
+
+
+@dataclass(frozen=True)
 class Solid:
     """One body. centre_km: (3,) J2000, relative to the spacecraft. texture: (rows, columns) albedo on planetocentric
     latitude (north up) and east longitude from 0; None is uniform. map_from_body: rotation from the body's frame to the
@@ -48,7 +62,7 @@ class Solid:
     texture: Texture | None = None
     map_from_body: Array = field(default_factory=lambda: np.eye(3))
     brightness: float = 1.0
-    relief: Relief | None = None
+    relief: Relief | Terrain | None = None
 
 
 def random_relief(random: np.random.Generator, rms: float, bumps: int = 9) -> Relief:
@@ -61,6 +75,33 @@ def random_relief(random: np.random.Generator, rms: float, bumps: int = 9) -> Re
     constant, slope = float(height.mean()), 3 * (height[:, None] * u).mean(axis=0)
     scale = rms / float((height - constant - u @ slope).std())
     return Relief(axes, raw.amplitudes * scale, raw.sharpness, constant * scale, slope * scale)
+
+
+def random_terrain(random: np.random.Generator, rms: float, bumps: int = 1000) -> Terrain:
+    """Terrain of `rms` (relative to the radius, over the sphere) as a Gaussian field whose mean over an arc of limb
+    scatters as if arcs of TERRAIN_ARC_DEG rose and fell on their own. Degrees up to 2 are taken out: they are the
+    ellipsoid's that fits best, which the file's radii are."""
+    width = np.radians(TERRAIN_ARC_DEG) / np.sqrt(2 * np.pi)  # of the Gaussian that such heights correlate by
+    latitude = np.radians(90 - (np.arange(TERRAIN_ROWS) + 0.5) * 180 / TERRAIN_ROWS)[:, None]
+    longitude = np.radians((np.arange(2 * TERRAIN_ROWS) + 0.5) * 180 / TERRAIN_ROWS)[None, :]
+    x, y, z = (
+        part.ravel()
+        for part in np.broadcast_arrays(
+            np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)
+        )
+    )
+    u, weight = np.stack([x, y, z], axis=1), np.sqrt(1 - z**2)
+    axes = random.normal(size=(bumps, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    height = sum(
+        amplitude * np.exp((u @ axis - 1) * 2 / width**2)
+        for axis, amplitude in zip(axes, random.normal(size=bumps), strict=True)
+    )
+    low = np.stack([np.ones_like(x), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1], axis=1)
+    root = np.sqrt(weight)[:, None]
+    height = height - low @ np.linalg.lstsq(low * root, height * root[:, 0], rcond=None)[0]
+    height *= rms / np.sqrt(np.average(height**2, weights=weight))
+    return Terrain(height.reshape(TERRAIN_ROWS, 2 * TERRAIN_ROWS).astype(np.float32))
 
 
 def even_directions(count: int) -> Array:

@@ -63,6 +63,9 @@ def dask_cluster(workers: int) -> Iterator[str]:
     """Address of the scheduler of a cluster of so many processes of this machine, one thread each."""
     from distributed import LocalCluster
 
+    from tasks.quiet_dask import make_dask_quiet
+
+    make_dask_quiet()
     with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         yield str(cluster.scheduler_address)
 

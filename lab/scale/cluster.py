@@ -13,6 +13,7 @@ from lab.rehearsal.processes import Session, descendants, wait_until
 from local_server.server import free_port
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "NUMBA")}
+QUIET = {"DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False"}
 OWN = {"PLANETPOSE_STATE": "state", "PLANETPOSE_CACHE": "cache", "PLANETPOSE_ARCHIVE": "archive", "TMPDIR": "tmp"}
 
 
@@ -22,7 +23,8 @@ def machine(folder: Path, environment: Mapping[str, str]) -> dict[str, str]:
     for name in (*OWN.values(), "home"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     own = {name: str(folder / place) for name, place in OWN.items()}
-    return {**os.environ, **environment, **ONE_THREAD, **own, "HOME": str(folder / "home"), "PLANETPOSE_KERNELS": ""}
+    home = {"HOME": str(folder / "home"), "PLANETPOSE_KERNELS": ""}
+    return {**os.environ, **environment, **ONE_THREAD, **QUIET, **own, **home}
 
 
 class Cluster:

@@ -95,17 +95,20 @@ def write_albedo_store(
     stated: Mapping[str, object] | None = None,
     subpixels_across: int = SUBPIXELS_ACROSS,
     seed: int = 1,
+    focal_length_factor: float = 1.0,
 ) -> PlantedAlbedo:
     """Publish the views. noise: of a pixel, relative to the brightest; level_sigma: relative 1-sigma of the images'
     calibration; attitude_error_deg, place_error_px: 1-sigma, about each axis and along x and y, by which the published
-    poses are wrong; stated: the 1-sigma that products state; subpixels_across: a disk. Returns what was planted."""
+    poses are wrong; stated: the 1-sigma that products state; subpixels_across: a disk; focal_length_factor: true focal
+    length over the published one. Returns what was planted."""
     target = find_target("europa")
     chosen = dict(parameters or EUROPA)
     factors, errors = {}, {}
     for view in views:
         rng = generator(seed, view.product, "albedo store")
         factor = float(np.exp(rng.normal(0, level_sigma)))
-        clean = factor * units_per_if * picture(view.pose, view.camera, target, albedo, law, chosen, subpixels_across)
+        camera = view.camera.model_copy(update={"focal_length_px": focal_length_factor * view.camera.focal_length_px})
+        clean = factor * units_per_if * picture(view.pose, camera, target, albedo, law, chosen, subpixels_across)
         sigma = noise * float(clean.max())
         image = (SKY_DN + clean + rng.normal(0, sigma, clean.shape)).astype(np.float32)
         turn = rng.normal(0, 1, 3) * attitude_error_deg

@@ -1,16 +1,21 @@
 """planetpose benchmark stars"""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 
 def stars(
-    frames: Annotated[int, typer.Option(min=1, help="How many, over all cameras and kinds in turn.")] = 100,
+    frames: Annotated[int, typer.Option(min=1, help="Number of frames, over all cameras and kinds in turn.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Of the frames.")] = 1,
     kind: Annotated[
         list[str] | None, typer.Option(help="stars, no stars, stars elsewhere or wrong cone; repeat for more.")
     ] = None,
+    rows: Annotated[
+        Path | None, typer.Option(help="File of a line of JSON per frame; frames that it has are not drawn again.")
+    ] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="Minutes after which no further frame is begun.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object per frame, then the figures.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
@@ -21,6 +26,7 @@ def stars(
     import sys
 
     from flows.cli.output import clean_stdout, write_json
+    from lab.rows import rows_in_portions
     from lab.stars.run import KINDS, do, scenes, summary
 
     kinds = tuple(kind or KINDS)
@@ -30,13 +36,16 @@ def stars(
         )
     results = []
     with clean_stdout() as answer:
-        for number, scene in enumerate(scenes(frames, seed, kinds), 1):
-            results.append(do(scene))
+        for row, new in rows_in_portions(
+            scenes(frames, seed, kinds), lambda scene: f"{scene.kind} {scene.seed}", do, rows, minutes
+        ):
+            results.append(row)
             if json:
-                write_json(answer, results[-1])
-            if not quiet:
-                found = "a lock" if results[-1]["lock"] else "no lock"
-                print(f"{number}/{frames} {scene.camera.name}, {scene.kind}: {found}", file=sys.stderr, flush=True)
+                write_json(answer, row)
+            if new and not quiet:
+                found = "a lock" if row["lock"] else "no lock"
+                line = f"{len(results)}/{frames} {row['camera']}, {row['kind']}: {found}"
+                print(line, file=sys.stderr, flush=True)
         figures = summary(results)
         if json:
             write_json(answer, figures)

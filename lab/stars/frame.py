@@ -52,12 +52,11 @@ def frame_of(
 ) -> Observation:
     """The picture: stars at raw pixels (n, 2) of heights (n,), sky with a slope, faults, read and photon noise."""
     nx, ny = camera.size_px if is_undistorted(camera) else camera.detector_size_px
-    y, x = np.mgrid[0:ny, 0:nx]
     slope = random.normal(0, 3.0, 2)
-    picture = SKY + slope[0] * x / nx + slope[1] * y / ny
+    picture = SKY + slope[0] * np.arange(nx) / nx + slope[1] * np.arange(ny)[:, None] / ny
     picture = picture + star_picture((ny, nx), places, heights, psf_px)
     if faults.disk:
-        picture = np.where(*_disk(x, y, faults.disk, psf_px, random), picture)
+        _cover_by_disk(picture, faults.disk, psf_px, random)
     picture = picture + random.normal(0, 1, picture.shape) * np.sqrt(READ_NOISE**2 + np.maximum(picture - SKY, 0) / 50)
     _spoil(picture, faults, random)
     quality = np.where(picture > SATURATED, int(Quality.SATURATED), 0).astype(np.uint16)
@@ -88,19 +87,24 @@ def _add_star(picture: Array, place: Array, height: float, psf_px: float) -> Non
         picture[y0:y1, x0:x1] += height * 2 * np.pi * psf_px**2 * np.outer(along_y, along_x)
 
 
-def _disk(x: Array, y: Array, share: float, psf_px: float, random: np.random.Generator) -> tuple[Array, Array]:
-    """Where a lit disk covers the sky, and its brightness: a half-lit one with a soft limb, brighter than all stars."""
-    ny, nx = x.shape
+def _cover_by_disk(picture: Array, share: float, psf_px: float, random: np.random.Generator) -> None:
+    """A lit disk before a part of the sky: a half-lit one with a soft limb, brighter than all stars."""
+    ny, nx = picture.shape
     radius = share * min(nx, ny)
     cx, cy = random.uniform(0, nx), random.uniform(0, ny)
+    rows, columns = (
+        slice(max(0, int(at - radius)), min(size, int(at + radius) + 2)) for at, size in ((cy, ny), (cx, nx))
+    )
+    y, x = np.ogrid[rows, columns]
     u, v = (x - cx) / radius, (y - cy) / radius
     height = np.sqrt(np.clip(1 - u**2 - v**2, 0, 1))
     towards = random.normal(0, 1, 3)
     towards /= np.linalg.norm(towards)
     lit = np.clip(u * towards[0] + v * towards[1] + height * abs(towards[2]), 0, 1)
     texture = 1 + 0.2 * np.sin(7 * u + random.uniform(0, 6)) * np.sin(9 * v)
-    soft = np.clip((radius - np.hypot(x - cx, y - cy)) / psf_px, 0, 1)
-    return np.hypot(x - cx, y - cy) < radius, SKY + 3000.0 * lit * texture * soft
+    away = np.hypot(x - cx, y - cy)
+    light = SKY + 3000.0 * lit * texture * np.clip((radius - away) / psf_px, 0, 1)
+    picture[rows, columns] = np.where(away < radius, light, picture[rows, columns])
 
 
 def _spoil(picture: Array, faults: Faults, random: np.random.Generator) -> None:

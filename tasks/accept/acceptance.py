@@ -3,10 +3,11 @@
 import numpy as np
 
 from catalog.errors import FailedError, PlanetposeError
-from catalog.pose import Pose
+from catalog.pose import IN_IMAGE, Pose
 from catalog.reasons import Reason
 from tasks.accept.settings import AcceptSettings
 from tasks.fields import Json
+from tasks.ingest.pose_step import PredictedPose
 from tasks.validate.limb import LimbFigures
 from tasks.validate.step import OrientationReport, ValidateResult
 from tasks.validate.sun import SunReport
@@ -15,6 +16,8 @@ BEHIND = Reason.TARGET_BEHIND_CAMERA
 SUN_SIGMAS = 4.0
 # A close-up's limb may lie so many sigmas of the base map's place off.
 LIMB_SIGMAS = 2.0
+# Sources of a position that may have been made from the picture itself, by the size of its disk.
+ASSUMED = ("file", IN_IMAGE)
 # A limb cannot show a narrower PSF than this.
 LEAST_PSF_PX = 0.5
 BEHIND_REMEDY = (
@@ -89,6 +92,24 @@ def doubtful_limb(accept: AcceptSettings, limb: LimbFigures) -> str | None:
         f"{Reason.LIMB_DISAGREES}: markings and brightness put the limb {off_in_words(limb)} from where the image "
         f"shows it (sure to {accept.sure_limb_rms_px:g} px). Check the base map and the picture; --profile standard "
         "trusts the limb alone."
+    )
+
+
+def doubtful_target(accept: AcceptSettings, report: ValidateResult, predicted: PredictedPose) -> str | None:
+    """The doubt that the image is of another body, where nothing tells that it is the target: no markings match, and
+    how far it is was not known beforehand."""
+    source, errors = predicted.sources["target_from_spacecraft_km"], predicted.errors
+    by_markings = report.patches is not None or report.orientation.verdict in ("matched", "mismatched")
+    if by_markings or (report.orientation.sigmas or 0.0) >= accept.sure_markings or source not in ASSUMED:
+        return None
+    scales = {"range_km": predicted.pose.range_km, "range_share": 1.0}
+    stated = [errors[name] / scale for name, scale in scales.items() if name in errors]
+    if stated and float(np.hypot.reduce(stated)) <= accept.sure_range:
+        return None
+    return (
+        f"{Reason.TARGET_NOT_CONFIRMED}: no markings of a base map show that the body is the target, and its range is "
+        "from a pose file that states no error of it, or was found in the image: another body as round, at the range "
+        "at which it is as wide, looks the same. Give kernels, or the range's error in the pose file (errors.range_km)."
     )
 
 

@@ -13,7 +13,7 @@ from tasks.bodies.placed import Body, bodies_of, in_frame
 from tasks.bodies.seen import seen_by_frame
 from tasks.project.curves import limb
 from tasks.simulate import Scene
-from tasks.simulate.scene import OtherBodiesSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.window import Window, target_window
 
 Mask = NDArray[np.bool_]

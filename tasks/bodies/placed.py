@@ -10,14 +10,13 @@ from catalog.camera import Camera
 from catalog.placed_body import PlacedBody
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.simulate.others import OtherBodiesSettings
+from tasks.simulate.shine import counts, shine_of
 
 Array = NDArray[np.float64]
 
 SUN_RADIUS_KM = 695_700.0  # IAU 2015 resolution B3
-# A body outside the frame counts where a pointing error of so large a share of the frame's side would bring it in.
-BESIDE_FRAME = 0.5
-# Bodies of a smaller radius, pixels, are left out: neither disk nor shadow of theirs fills a hundredth of a pixel.
-LEAST_RADIUS_PX = 0.1
+DEFAULTS = OtherBodiesSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,13 +96,23 @@ def may_shadow(caster: Body, receiver: Body) -> bool:
     return apart <= (np.pi if reach >= 1 else np.arcsin(reach)) + np.arcsin(SUN_RADIUS_KM / to_sun)
 
 
-def relevant(pose: Pose, camera: Camera, target: Target, candidates: Iterable[PlacedBody]) -> list[PlacedBody]:
-    """Those of the candidates that may be in the frame, a pointing error allowed for, or may shadow what is."""
+def relevant(
+    pose: Pose,
+    camera: Camera,
+    target: Target,
+    candidates: Iterable[PlacedBody],
+    settings: OtherBodiesSettings = DEFAULTS,
+) -> list[PlacedBody]:
+    """Those of the candidates that may be in the frame, a pointing error allowed for, may shadow what is, or light the
+    target's night side."""
     own = Body(pose, target)
     every = [Body(pose_of(place, pose), place.as_target, place) for place in candidates]
-    every = [body for body in every if body.radius_px(camera) >= LEAST_RADIUS_PX]
-    margin_px = BESIDE_FRAME * max(camera.size_px)
-    shown = [body for body in every if in_frame(body, camera, margin_px)]
+    large = [body for body in every if body.radius_px(camera) >= settings.least_radius_px]
+    margin_px = settings.beside_frame * max(camera.size_px)
+    shown = [body for body in large if in_frame(body, camera, margin_px)]
     receivers = [own, *shown]
-    chosen = [body for body in every if body in shown or any(may_shadow(body, receiver) for receiver in receivers)]
-    return [body.place for body in chosen if body.place is not None]
+    chosen = [body for body in large if body in shown or any(may_shadow(body, receiver) for receiver in receivers)]
+    places = [body.place for body in every if body.place is not None]
+    lights = [place for place in places if counts(shine_of(place, pose, target), pose, settings)]
+    chosen_places = [body.place for body in chosen]
+    return [place for place in places if any(place is each for each in (*chosen_places, *lights))]

@@ -74,9 +74,10 @@ def match_scene(observation: Observation, scene: Scene, pose: Pose, window: Wind
 
 
 def framed_window(scene: Scene, pose: Pose, margin_px: float | None = None) -> Window:
-    """The target's window without what lies far outside the frame; whole when nothing of it is in the frame."""
+    """The target's window without what lies far outside the frame; when nothing of it is in the frame, whole, or as
+    much of it as the frame would hold, the nearest part."""
     nx, ny = scene.camera.size_px
     whole = scene.window(pose, margin_px)
     rim = 8
     clipped = whole.moved(rim, rim).clipped((nx + 2 * rim, ny + 2 * rim)).moved(-rim, -rim)
-    return clipped if min(clipped.shape) > 2 * rim else whole
+    return clipped if min(clipped.shape) > 2 * rim else whole.nearest((nx + 2 * rim, ny + 2 * rim), (-rim, -rim))

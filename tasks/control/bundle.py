@@ -13,8 +13,9 @@ from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.robust import huber_weight, sigma_about_zero
 from catalog.target import Target
+from tasks.control.camera_constants import CameraConstants, constants_of
 from tasks.control.patches import Places, places_at
-from tasks.control.reduced import ReducedSystem
+from tasks.control.reduced import ReducedSystem, Shared
 from tasks.control.settings import ControlSettings
 from tasks.control.ties import Ties
 from tasks.joint.parameters import NAMES, State
@@ -37,7 +38,8 @@ class Bundle:
     `tasks.project.uncertainty.PARAMETERS`; covariance (images, 7, 7): of each. points (m, 3) km, point_sigma_km (m,
     dims): 1-sigma east, north (and up). residual_px (n, 2): measured minus computed; used (n,): measures that were
     kept. redundancy (images,): how far an image's measures check each other, from 0 to 1. sigma_scale: by how much
-    measures scatter more than they state, part of the covariances."""
+    measures scatter more than they state, part of the covariances. constants: of the cameras; constants_covariance
+    (unknowns, unknowns): of those that were solved."""
 
     poses: tuple[Pose, ...]
     moves: Array
@@ -49,6 +51,8 @@ class Bundle:
     redundancy: Array
     sigma_scale: float
     rounds: int
+    constants: CameraConstants
+    constants_covariance: Array
 
 
 def adjust_bundle(
@@ -59,7 +63,8 @@ def adjust_bundle(
     priors: Array,
     settings: ControlSettings,
 ) -> Bundle:
-    """Adjust poses and points to the ties. priors (images, 7, 7): covariance of each pose's unknowns.
+    """Adjust poses, points and the cameras' constants (`settings.solve`) to the ties. priors (images, 7, 7): covariance
+    of each pose's unknowns.
 
     Measures count by their covariances, robustly; those further off than `reject_sigma` are left out, and come back
     when a later solution agrees with them."""
@@ -86,6 +91,7 @@ class _Problem:
         self.height_information = np.zeros(self.dims)
         if settings.free_radius:
             self.height_information[2] = (settings.radius_sigma * target.mean_radius_km) ** -2.0
+        self.constants = constants_of(cameras, settings)
         self.moves = np.zeros((len(poses), UNKNOWNS))
         self.places = places_at(target, ties.points.copy())
         self.height = np.zeros(len(ties.points))
@@ -119,6 +125,8 @@ class _Problem:
             redundancy=np.clip(1 - own / np.maximum(2 * count, 1), 0, 1) * (count > 0),
             sigma_scale=scale,
             rounds=rounds,
+            constants=self.constants,
+            constants_covariance=system.shared_covariance,
         )
 
     @property
@@ -130,8 +138,9 @@ class _Problem:
     def residual(self) -> Array:
         """Measured minus computed pixels (n, 2)."""
         points, found = self.points, np.empty_like(self.ties.xy_px)
-        for of, pose, camera in zip(self.of_image, self.poses, self.cameras, strict=True):
-            found[of] = self.ties.xy_px[of] - pixels_of_points(pose, camera, points[self.ties.point[of]])
+        for k, of in enumerate(self.of_image):
+            seen = pixels_of_points(self.poses[k], self.cameras[k], points[self.ties.point[of]])
+            found[of] = self.ties.xy_px[of] - self.constants.measured_at(k, seen)
         return found
 
     def _components(self, residual: Array) -> Array:
@@ -146,26 +155,30 @@ class _Problem:
         count = np.bincount(self.ties.point[kept], minlength=len(self.ties.points))
         return kept & (count >= 2)[self.ties.point]
 
-    def _derivatives(self) -> tuple[Array, Array]:
-        """Of computed pixels by poses (n, 2, 7) and by points (n, 2, dims)."""
+    def _derivatives(self) -> tuple[Array, Array, Array]:
+        """Of computed pixels by poses (n, 2, 7), by points (n, 2, dims) and by the cameras' constants (n, 2, unknowns);
+        those of poses and points as if the constants were what they are known to be."""
         n = len(self.ties.image)
         by_pose, by_point = np.empty((n, 2, UNKNOWNS)), np.empty((n, 2, self.dims))
+        by_constant = np.empty((n, 2, self.constants.count))
         points = self.points
         ways = [self.places.east, self.places.north, np.cross(self.places.east, self.places.north)][: self.dims]
-        for of, pose, camera in zip(self.of_image, self.poses, self.cameras, strict=True):
+        for image, (of, pose, camera) in enumerate(zip(self.of_image, self.poses, self.cameras, strict=True)):
             at = points[self.ties.point[of]]
             by_pose[of] = place_derivatives(pose, camera, at).transpose(0, 2, 1)
+            if self.constants.count:
+                by_constant[of] = self.constants.derivatives(image, pixels_of_points(pose, camera, at))
             for k, way in enumerate(ways):
                 step = STEP_KM * way[self.ties.point[of]]
                 ends = [pixels_of_points(pose, camera, at + sign * step) for sign in (1, -1)]
                 by_point[of, :, k] = (ends[0] - ends[1]) / (2 * STEP_KM)
-        return by_pose, by_point
+        return by_pose, by_point, by_constant
 
-    def _system(self, used: NDArray[np.bool_], scale: float, derivatives: tuple[Array, Array]) -> ReducedSystem:
+    def _system(self, used: NDArray[np.bool_], scale: float, derivatives: tuple[Array, Array, Array]) -> ReducedSystem:
         residual = self.residual()
         weight = used * huber_weight(self._sizes(residual) / scale, HUBER) / (scale**2 * self.ties.shared)
         root = np.sqrt(weight)[:, None]
-        white_pose, white_point = (self.whitening @ part * root[:, :, None] for part in derivatives)
+        white_pose, white_point, white_constant = (self.whitening @ part * root[:, :, None] for part in derivatives)
         heights: Array = np.zeros((len(self.height), self.dims))
         if self.dims == 3:
             heights[:, 2] = self.height
@@ -180,12 +193,14 @@ class _Problem:
             self.moves,
             self.height_information,
             heights,
+            Shared(white_constant, self.constants.information, self.constants.moves),
         )
 
     def _step(self, system: ReducedSystem) -> bool:
         """One step; whether nothing moved any more."""
-        moves, shifts = system.solve()
+        moves, shifts, common = system.solve()
         self.moves = self.moves + moves
+        self.constants = self.constants.moved(common)
         for k, (camera, move) in enumerate(zip(self.cameras, moves, strict=True)):
             change = np.zeros(len(NAMES))
             change[:UNKNOWNS] = move
@@ -194,4 +209,5 @@ class _Problem:
             self.height = self.height + shifts[:, 2]
         moved: Places = places_at(self.target, self.places.moved(self.target, shifts[:, :2]))
         self.places = moved
-        return bool((np.abs(moves) < SETTLED * system.rough_sigmas()).all())
+        still = np.abs(common) < SETTLED * np.sqrt(np.diag(system.shared_covariance))
+        return bool((np.abs(moves) < SETTLED * system.rough_sigmas()).all() and still.all())

@@ -9,24 +9,28 @@ from typing import Any
 
 import numpy as np
 
+from catalog.camera import Camera
 from catalog.pose import write_pose_file
 from catalog.spice import kernel_pool
 from catalog.times import now_utc
 from tasks.atomic import file_put_in_place
+from tasks.control.camera_constants import constant_rows
 from tasks.control.isis_net import Measure, Point, write_isis_net
 from tasks.control.store import Control, control_report
 from tasks.kernels.exposure import read_exposure
 from tasks.kernels.sets import groups_of
 from tasks.kernels.write import write_kernel_set
 from tasks.project.points import latitude_longitude
+from tasks.stars.camera_fit import FOCAL_LENGTH
 
 NET, REPORT, IMAGES, POINTS = "control.net", "control.json", "images.csv", "points.csv"
 COVARIANCES = "covariances.npz"
 
 
 def write_control(control: Control, out: Path) -> list[Path]:
-    """Write into `out`: the ISIS network, the report, tables of images and points, the covariances, and a pose file per
-    image, `PRODUCT.pose.json`, from which `planetpose correct --resume` goes on. Returns the paths but the poses'."""
+    """Write into `out`: the ISIS network, the report, tables of images and points, the covariances, camera files where
+    focal lengths were solved, and a pose file per image, `PRODUCT.pose.json`, from which `planetpose correct --resume`
+    goes on. Returns the paths but the poses'."""
     out.mkdir(parents=True, exist_ok=True)
     report = control_report(control)
     for view, pose in zip(control.views, control.bundle.poses, strict=True):
@@ -39,9 +43,32 @@ def write_control(control: Control, out: Path) -> list[Path]:
     with file_put_in_place(out / COVARIANCES) as temporary, temporary.open("wb") as file:
         products = np.array([view.product for view in control.views])
         np.savez(file, products=products, covariance=control.bundle.covariance, moves=control.bundle.moves)
+    for path, camera in solved_cameras(control).items():
+        with file_put_in_place(out / path) as temporary:
+            temporary.write_text(camera.to_toml(), encoding="utf-8")
     target = control.views[0].target.name.capitalize()
     write_isis_net(out / NET, "planetpose", target, now_utc()[:19], "planetpose", network_points(control))
-    return [out / name for name in (NET, REPORT, IMAGES, POINTS, COVARIANCES)]
+    return [out / name for name in (NET, REPORT, IMAGES, POINTS, COVARIANCES, *solved_cameras(control))]
+
+
+def solved_cameras(control: Control) -> dict[str, Camera]:
+    """By file name, the cameras with the focal length that was solved, with which the adjusted poses belong together;
+    none where no focal length was solved."""
+    if FOCAL_LENGTH not in control.settings.solve:
+        return {}
+    names = [camera.name for camera in control.bundle.constants.cameras]
+    rows = constant_rows(control.bundle.constants, control.bundle.constants_covariance)
+    found = {}
+    for number, (camera, row) in enumerate(zip(control.bundle.constants.cameras, rows, strict=True)):
+        factor = row["focal_length_factor"]
+        changes = {
+            "focal_length_px": camera.focal_length_px * factor["value"],
+            "focal_length_mm": camera.focal_length_mm and camera.focal_length_mm * factor["value"],
+            "focal_length_sigma": factor["sigma"],
+        }
+        own = names.count(camera.name) == 1
+        found[f"{camera.name}.toml" if own else f"{camera.name}-{number + 1}.toml"] = camera.model_copy(update=changes)
+    return found
 
 
 def write_control_kernels(control: Control, folder: Path) -> list[Path]:

@@ -13,7 +13,9 @@ class ControlSettings:
     patches are divided by. max_incidence_deg, max_emission_deg: of a patch's middle. most_ratio: of the resolutions of
     two images that are matched. prior_attitude_deg, prior_offset_px, prior_range, prior_roll_deg: 1-sigma of the poses
     where products state none; least_attitude_deg: what they are taken to be at least. free_radius: points may lie above
-    or below the shape, radius_sigma: relative 1-sigma. reject_sigma: measures further off are left out."""
+    or below the shape, radius_sigma: relative 1-sigma. reject_sigma: measures further off are left out. solve: what of
+    the cameras is solved, too (focal-length, distortion); prior_distortion_px: 1-sigma of what a camera's own model of
+    its distortion leaves in the corner of the frame (Voyager's and SSI's: 0.2 to 1 px)."""
 
     points: int = 1200
     patch_px: int = 21
@@ -32,6 +34,8 @@ class ControlSettings:
     radius_sigma: float = 1e-3
     reject_sigma: float = 4.0
     doubtful: bool = False
+    solve: tuple[str, ...] = ()
+    prior_distortion_px: float = 1.0
 
     def __post_init__(self) -> None:
         if self.law not in LAWS:

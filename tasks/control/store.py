@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,23 @@ from numpy.typing import NDArray
 
 from catalog.errors import FailedError, RefusedError
 from catalog.plain_text import printable
+from catalog.pose import Pose
 from catalog.reasons import Reason
 from tasks.boundary import reason_of, trouble_of
 from tasks.control.bundle import UNKNOWNS, Bundle, adjust_bundle
+from tasks.control.camera_constants import constant_lines, constant_rows
 from tasks.control.settings import ControlSettings
 from tasks.control.ties import Ties, find_ties
-from tasks.export.source import read_source
+from tasks.export.source import Source, read_source
+from tasks.joint.parameters import RANGE
 from tasks.mosaic.view import View, view_of
 from tasks.photometry.region import unreadable_products, usable_products
 from tasks.project.uncertainty import ATTITUDE, PARAMETERS, PoseUncertainty
+from tasks.stars.camera_fit import FOCAL_LENGTH
 
 Array = NDArray[np.float64]
 FEWEST_TIES = 10
+FREE_RANGE_SIGMA = 0.02  # relative, of a range that the metadata do not give: as of poses from files
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,9 @@ def control_store(store: Path, settings: ControlSettings, say: Callable[[str], N
     def take(folder: Path) -> None:
         source = read_source(folder)
         view, prior = view_of(source), prior_of(json.loads(source.attributes["uncertainty"]), settings)
+        if FOCAL_LENGTH in settings.solve:
+            pose, prior = with_range_of_trajectory(source, prior)
+            view = replace(view, pose=pose)
         views.append(view)
         priors.append(prior)
         read.append(folder)
@@ -94,6 +102,21 @@ def prior_of(uncertainty: dict[str, Any], settings: ControlSettings) -> Array:
         elif stated[k, k] < least**2:
             covariance[k, k] = least**2
     return covariance
+
+
+def with_range_of_trajectory(source: Source, prior: Array) -> tuple[Pose, Array]:
+    """The pose and its covariance (7, 7) with the range, and its error, that the metadata give: the one that an image
+    asked for holds the focal length that is to be found. As they are where no joint step says what the range was."""
+    corrections = json.loads(source.attributes["provenance"]).get("corrections", {})
+    evidence = [each["evidence"] for name, each in corrections.items() if name.startswith("joint")]
+    if not evidence or "range_factor_prior_sigma" not in evidence[-1]:
+        return source.pose, prior
+    before = Pose.from_dict(json.loads(source.attributes["pose_before"]))
+    sigma = evidence[-1]["range_factor_prior_sigma"]
+    covariance = prior.copy()
+    covariance[RANGE, :] = covariance[:, RANGE] = 0
+    covariance[RANGE, RANGE] = (FREE_RANGE_SIGMA if sigma is None else float(sigma)) ** 2
+    return source.pose.with_range_factor(before.range_km / source.pose.range_km), covariance
 
 
 def image_rows(control: Control) -> list[dict[str, Any]]:
@@ -154,6 +177,7 @@ def control_report(control: Control) -> dict[str, Any]:
         "rms_line_px": float(np.sqrt(np.mean(bundle.residual_px[bundle.used, 1] ** 2))),
         "sigma_scale": bundle.sigma_scale,
         "rounds": bundle.rounds,
+        "cameras": constant_rows(bundle.constants, bundle.constants_covariance) if control.settings.solve else [],
         "rows": image_rows(control),
         "left_out": [{"product": product, "reason": reason} for product, reason in control.left_out],
     }
@@ -162,6 +186,7 @@ def control_report(control: Control) -> dict[str, Any]:
 def control_table(report: dict[str, Any]) -> str:
     """The report for people."""
     lines = [
+        *constant_lines(report["cameras"]),
         f"{report['points']} points ({report['points_used']} used), {report['measures']} measures "
         f"({report['measures_rejected']} rejected), RMS {report['rms_px']:.3f} px "
         f"(sample {report['rms_sample_px']:.3f}, line {report['rms_line_px']:.3f})",

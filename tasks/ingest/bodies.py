@@ -13,7 +13,8 @@ from catalog.pose import Pose
 from catalog.reasons import Reason
 from catalog.spice_bodies import bodies_from_loaded, seeing_each_other
 from catalog.target import Target, find_target, further_targets, known_targets
-from tasks.bodies.placed import relevant
+from tasks.bodies.placed import DEFAULTS, relevant
+from tasks.simulate.others import OtherBodiesSettings
 
 NO_BODIES = "none"
 
@@ -54,9 +55,10 @@ def bodies_of_image(
     given: Iterable[PlacedBody | Mapping[str, Any]],
     candidates: Candidates,
     pose_file: Path | None = None,
+    settings: OtherBodiesSettings = DEFAULTS,
 ) -> tuple[PlacedBody, ...]:
-    """What may be in the frame beside the target or shadow what is: the pose file's bodies, all of them, and those of
-    the candidates that the loaded kernels cover.
+    """What may be in the frame beside the target, shadow what is, or light its night side: the pose file's bodies, all
+    of them, and those of the candidates that the loaded kernels cover.
 
     Raises RefusedError for bad entries of the pose file, and for a body that the user named and nothing places.
     """
@@ -73,7 +75,7 @@ def bodies_of_image(
         _refuse_missing([each.name for each in wanted], [body.name for body in placed], camera, target)
         chosen = placed
     else:
-        needed = {body.naif_id for body in relevant(pose, camera, target, [*from_file, *placed])}
+        needed = {body.naif_id for body in relevant(pose, camera, target, [*from_file, *placed], settings)}
         chosen = [body for body in placed if body.naif_id in needed]
     return (*from_file, *(seeing_each_other(camera, target, pose.et, chosen) if chosen else ()))
 

@@ -24,8 +24,10 @@ from catalog.spice import Kernel, kernel_pool
 from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
 from catalog.target import Target
 from catalog.times import utc_from_et
+from tasks.bodies.placed import DEFAULTS
 from tasks.ingest.bodies import bodies_of_image, candidates_for
 from tasks.ingest.carried import orientation_of_header, parts_of_pds4, parts_of_pose_file, parts_of_tables
+from tasks.simulate.others import OtherBodiesSettings
 
 # Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
 SAME_EXPOSURE_S = 60.0
@@ -39,7 +41,7 @@ class InitialPose:
     sources: the same for each part (also `isd`; `tables` of an ISIS cube; `pds4`, geometry of its label; `wcs` and
     `twist`, orientations of headers and labels; `catalog`: rotation model of the target file). missing: what SPICE
     could not give, in words. kernels: name and sha256 of what was furnished. evidence: range_km by each source that
-    has one.
+    has one. errors: 1-sigma errors that the pose file states of its own parts.
     """
 
     pose: Pose
@@ -48,6 +50,7 @@ class InitialPose:
     missing: tuple[str, ...] = ()
     kernels: tuple[dict[str, str], ...] = ()
     evidence: dict[str, Any] = field(default_factory=dict)
+    errors: dict[str, float] = field(default_factory=dict)
 
 
 def initial_pose(
@@ -58,12 +61,13 @@ def initial_pose(
     pose_file: Path | None = None,
     flip: Flip | None = None,
     bodies: Sequence[str] = (),
+    others: OtherBodiesSettings = DEFAULTS,
 ) -> InitialPose:
     """Predicted pose of `frame` at mid-exposure.
 
     Precedence of each part: pose file or ISD, SPICE where `kernels` (files or folders) cover it, the tables of an ISIS
     cube, label, geometry of a PDS4 label, header. The pose file's time overrides the label's. flip: how the user had
-    the picture flipped. bodies: names of the other bodies to place, see `bodies_of_image`.
+    the picture flipped. bodies: names of the other bodies to place; others: which of them count, see `bodies_of_image`.
 
     Raises RefusedError `pose-unknown` naming the parts, the missing kernels and the remedy.
     """
@@ -71,8 +75,8 @@ def initial_pose(
     candidates = candidates_for(bodies, target, kernels)
     with kernel_pool(kernels) as loaded:
         found, from_file = _initial_pose(frame, camera, target, loaded, pose_file, flip)
-        others = bodies_of_image(found.pose, camera, target, from_file.bodies, candidates, pose_file)
-    return replace(found, pose=found.pose.replaced(bodies=others))
+        placed = bodies_of_image(found.pose, camera, target, from_file.bodies, candidates, pose_file, others)
+    return replace(found, pose=found.pose.replaced(bodies=placed))
 
 
 def _initial_pose(
@@ -123,6 +127,7 @@ def _initial_pose(
         missing=(*spice.missing, *label_faults),
         kernels=tuple(kernel.provenance() for kernel in spice.kernels) if "spice" in sources.values() else (),
         evidence={"range_km": _ranges({**ranked, "spice": spice.parts})},
+        errors=dict(from_file.errors),
     )
     return found, from_file
 

@@ -69,7 +69,10 @@ def search_map(
     scores = grid_scores(coarse, scene, turns, settings.step_deg)
     followed = turns[np.argsort(-scores)[: settings.followed]]
     scores, best = climbed_together(coarse, scene, followed, settings.step_deg)
-    starts = [best[i] for i in distinct_best(scores, best, settings.kept, settings.step_deg)]
+    best = best[distinct_best(scores, best, settings.compared, settings.step_deg)]
+    # What large markings leave open, those of half their size decide.
+    scores, best = climbed_together(coarse, scene, best, settings.step_deg / 2)
+    starts = [best[i] for i in distinct_best(scores, best, settings.kept, settings.step_deg / 2)]
     step = FIRST_SHARE * settings.step_deg
     climbed = ranked([climb(coarse, turn, step, LAST_PX * coarse.pixel_deg) for turn in starts])
     climbed = distinct(climbed, settings.step_deg)[: settings.refined_kept]

@@ -14,11 +14,11 @@ from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.gauss_newton import Line, Solution, solve_joint
 from tasks.joint.limb_observation import LimbObservation, shown_by
-from tasks.joint.limb_response import limb_response
 from tasks.joint.linearity import Linearity, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
+from tasks.joint.relief_response import relief_response
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.tile_prior import limb_gain
 from tasks.joint.uncertainty import covariance, noise_covariance, of_the_body, of_the_camera, systematic, times_usual
@@ -38,7 +38,8 @@ class Estimate:
     noise: (8, 8) the part of the pixels' noise, which another exposure draws anew.
     bending: what the disk shows of it; the states are those of the image without it. None where none is known.
     linearity: what the disk shows of the detector. displacement: what limb and markings show of a distortion; None
-    where its error is known beforehand."""
+    where its error is known beforehand. relief_px: by how much arcs of the limb lie off as a whole, see
+    `coherent_px`."""
 
     free: Solution
     shown: Array
@@ -51,6 +52,7 @@ class Estimate:
     bending: Bending | None = None
     linearity: Linearity | None = None
     displacement: Displacement | None = None
+    relief_px: float = 0.0
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -93,11 +95,12 @@ def estimated(given: Problem, start: State) -> Estimate:
         of_bending = bending.sigma**2 * np.outer(bending.response, bending.response)
     shown = covariance(free.problem, free.fit)
     # Per pixel of the image, in its pixels.
-    response = np.diag(level.step_up(np.ones(len(NAMES)))) @ limb_response(free) / level.n
+    response = np.diag(level.step_up(np.ones(len(NAMES)))) @ relief_response(free) / level.n
     own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     limb = limb_seen(free, level)
-    common = of_bending + of_the_body(scene.target, radius, response, limb.coherent_px if limb else 0.0)
+    relief_px = limb.coherent_px if limb else 0.0
+    common = of_bending + of_the_body(scene.target, radius, response, relief_px)
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)
     by_detector = level.step_up(linearity.moved)
@@ -115,8 +118,8 @@ def estimated(given: Problem, start: State) -> Estimate:
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
     noise = level.covariance_up(noise_covariance(free.problem, free.fit, np.asarray(free.data.variance, np.float64)))
-    estimate = Estimate(free, shown, state, state, errors, errors, common, noise, bending, linearity, displacement)
-    return with_range_prior(estimate, given)
+    found = (noise, bending, linearity, displacement, relief_px)
+    return with_range_prior(Estimate(free, shown, state, state, errors, errors, common, *found), given)
 
 
 def solved_free(given: Problem, start: State) -> tuple[Solution, Level]:

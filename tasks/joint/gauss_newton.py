@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 # Shares of a step that are tried, one after the other, until the cost falls. Where none lowers it the state is a
-# minimum as far as the sampling shows, unless the last of them is larger than error and loose step.
+# minimum as far as the sampling shows, unless the last of them is larger than error and a step that is not taken.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Inverse variance of what is held.
 FIXED = 1e30
@@ -61,7 +61,9 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     data = data_at(given, start, window)
     radius = disk_radius_px(start.pose, scene.camera, scene.target)
     layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
-    model = linear_model(scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind)
+    model = linear_model(
+        scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind, given.sun_deg
+    )
     variances = warm.variances if warm else VarianceModel.at_first(model, settings)
     weights = first_weights(model, data, settings)
     linear = solve_linear(
@@ -87,7 +89,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
             break
         found = line.lower(model, step, lengthened, fit)
         if found is None:
-            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, loose(limits))).all())
+            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, still(limits))).all())
             break
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
@@ -103,11 +105,6 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
 def still(limits: IterationThresholds) -> Array:
     """Steps (8,) of the unknowns that need not be taken."""
     return np.array([limits.still_px] * 2 + [limits.still_range] + [limits.still_deg] * 4 + [limits.still_psf])
-
-
-def loose(limits: IterationThresholds) -> Array:
-    """Steps (8,) of the unknowns that may be left when none lowers the cost."""
-    return np.array([limits.loose_px] * 2 + [limits.loose_range] + [limits.loose_deg] * 4 + [limits.loose_psf])
 
 
 def data_at(given: Problem, state: State, window: Window) -> Cutout:
@@ -130,6 +127,8 @@ def brightness_problem(
     laws = len(model.bases)
     prior[:laws] = (settings.law_weight * data.bright) ** -2
     prior[laws : laws + len(settings.wings_px)] = settings.wings_sigma**-2
+    if model.by_sun:
+        prior[-len(model.by_sun) :] = model.sun_deg**-2
     expected = np.zeros_like(prior)
     if model.hides:
         share, sigma = data.hidden_share
@@ -195,7 +194,13 @@ class Line:
     def model_at(self, state: State, model: Model) -> Model:
         """The model at another state, under the same window and tiles."""
         return linear_model(
-            self.given.scene, state, model.window, model.tiles, self.given.settings, self.data.light_behind
+            self.given.scene,
+            state,
+            model.window,
+            model.tiles,
+            self.given.settings,
+            self.data.light_behind,
+            self.given.sun_deg,
         )
 
     def cost(self, model: Model, weights: Array, fit: Fit) -> tuple[float, Fit]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.pose import Pose
+from catalog.rotation import rotation_from_vector_deg
 from tasks.compare.occulted import finer
 from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
@@ -21,8 +23,9 @@ from tasks.joint.smear import trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
-from tasks.simulate.photometry import laws
+from tasks.simulate.photometry import Law, laws
 from tasks.simulate.pixels import detect
+from tasks.simulate.shine import cosines_of, shines_of, with_shines
 from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px
 
@@ -35,7 +38,9 @@ class Model:
 
     shades: what the laws, mapped ones first, then plain ones, make of the sub-pixels without the map. bases: (k, ny,
     nx), of these laws, the last `hides` (0 or 1) of them what the disk takes away of light behind it; sharp: the same
-    before the smear along the state's trail. background: (b, ny, nx). centre_px: target's centre in the window.
+    before the smear along the state's trail. by_sun: for each of two turns of the Sun's direction, what the shades
+    change by per degree; () where sun_deg, its 1-sigma, is 0. background: (b, ny, nx). centre_px: target's centre in
+    the window.
     """
 
     state: State
@@ -53,6 +58,8 @@ class Model:
     tiles: Tiles
     wings_px: tuple[float, ...]
     hides: int = 0
+    by_sun: tuple[list[Image], ...] = ()
+    sun_deg: float = 0.0
 
     def brightness(self, weights: NDArray) -> Image:
         """The disk without gains and background, by the bases' weights (k,)."""
@@ -64,9 +71,18 @@ class Model:
         return np.tensordot(np.asarray(weights, np.float32), self.bases, 1)
 
     def columns(self, weights: NDArray) -> Image:
-        """Images of the linear unknowns (k + w + b, ny, nx): bases, what light scattered widely adds to the disk of the
-        bases' weights (k,), background."""
-        return np.concatenate([self.bases, self.scattered(weights), self.background])
+        """Images of the linear unknowns (k + w + b + s, ny, nx): bases, what light scattered widely adds to the disk of
+        the bases' weights (k,), background, and what the disk changes by per degree of the Sun's direction."""
+        return np.concatenate([self.bases, self.scattered(weights), self.background, self.turned_sun(weights)])
+
+    def turned_sun(self, weights: NDArray) -> Image:
+        """Change of the disk (s, ny, nx) per degree of turn of the Sun's direction, at the bases' weights (k,)."""
+        out = np.empty((len(self.by_sun), *self.window.shape), np.float32)
+        for number, shades in enumerate(self.by_sun):
+            change = _weighted(shades[: self.mapped], weights[: self.mapped]) * self.surface.albedo
+            change = change + _weighted(shades[self.mapped :], weights[self.mapped : len(shades)])
+            out[number] = smeared(detect(change, self.oversample, self.state.psf_sigma_px), self.state.trail_px)
+        return out
 
     def scattered(self, weights: NDArray) -> Image:
         """The disk blurred widely less the disk (w, ny, nx), one for each width of `wings_px`."""
@@ -115,15 +131,27 @@ def _weighted(images: list[Image], weights: NDArray) -> Image:
 
 
 def linear_model(
-    scene: Scene, state: State, window: Window, tiles: Tiles, settings: JointSettings, behind: Image | None = None
+    scene: Scene,
+    state: State,
+    window: Window,
+    tiles: Tiles,
+    settings: JointSettings,
+    behind: Image | None = None,
+    sun_deg: float = 0.0,
 ) -> Model:
     """Find the surface at `state` and prepare everything that the linear fit and the derivatives need. behind: (ny, nx)
-    light that the disk hides, or None."""
+    light that the disk hides, or None. sun_deg: 1-sigma of the
+    direction to the Sun; 0 where it is known."""
     s = settings.oversample or scene.oversample_for(state.pose)
-    surface = fine_surface(scene, state.pose, window, s)
-    phase = state.pose.phase_deg
+    pose = state.pose
+    shines = shines_of(pose, scene.target, scene.settings.others)
+    surface = fine_surface(scene, pose, window, s, night=bool(shines))
+    cosines = cosines_of(shines, pose, scene.camera, scene.target, window, s)
     chosen = (*laws(settings.mapped), *laws(settings.plain))
-    shade = {law: law(surface.mu0, surface.mu, phase) * surface.cover for law in set(chosen)}
+    shade = {
+        law: with_shines(law, surface.mu0, surface.mu, pose.phase_deg, shines, cosines) * surface.cover
+        for law in set(chosen)
+    }
     shades = [shade[law] for law in chosen]
     if behind is not None:
         shades.append(-finer(behind, s) * surface.cover)
@@ -148,7 +176,37 @@ def linear_model(
         tiles=tiles,
         wings_px=settings.wings_px,
         hides=int(behind is not None),
+        by_sun=changes_by_sun(scene, state.pose, window, s, chosen, surface, shades) if sun_deg > 0 else (),
+        sun_deg=sun_deg,
     )
+
+
+def changes_by_sun(
+    scene: Scene,
+    pose: Pose,
+    window: Window,
+    oversample: int,
+    laws: tuple[Law, ...],
+    here: FineSurface,
+    shades: list[Image],
+) -> tuple[list[Image], ...]:
+    """For each of two turns of the Sun's direction about axes across it, what `shades` (of the laws, at `pose`, whose
+    surface is `here`) change by per degree."""
+    changes = []
+    for axis in axes_across(pose.sun_from_target_km):
+        moved = pose.replaced(sun_from_target_km=rotation_from_vector_deg(axis) @ pose.sun_from_target_km)
+        there = fine_surface(scene, moved, window, oversample)
+        shade = {law: law(there.mu0, here.mu, pose.phase_deg) * here.cover for law in set(laws)}
+        changes.append([shade[law] - before for law, before in zip(laws, shades, strict=False)])
+    return tuple(changes)
+
+
+def axes_across(direction: NDArray) -> NDArray:
+    """Two unit vectors (2, 3) across a direction (3,) and each other."""
+    along = direction / np.linalg.norm(direction)
+    first = np.cross(along, np.eye(3)[np.argmin(np.abs(along))])
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(along, first)])
 
 
 def _polynomials(shape: tuple[int, int], centre: NDArray, radius: float, degree: int) -> Image:

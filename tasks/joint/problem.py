@@ -33,7 +33,8 @@ EXACT = DistortionError()
 class Problem:
     """observation: the image; scene: camera, target and base map; metadata: the state about which the priors are;
     sigmas: (8,) 1-sigma of the priors in the order of `parameters.NAMES`, inf where free; distortion: what is known of
-    the distortion model's error; progress: called with step, iteration and a text."""
+    the distortion model's error; progress: called with step, iteration and a text; sun_deg: 1-sigma of the direction to
+    the Sun, about each of two axes, 0 where it is known."""
 
     observation: Observation
     scene: Scene
@@ -42,6 +43,7 @@ class Problem:
     settings: JointSettings
     distortion: DistortionError = EXACT
     progress: Progress | None = None
+    sun_deg: float = 0.0
 
     @property
     def thresholds(self) -> Thresholds:

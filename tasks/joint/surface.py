@@ -21,7 +21,8 @@ Image = NDArray[np.float32]
 @dataclass(frozen=True)
 class FineSurface:
     """Sub-pixels (ny*s, nx*s): cover, the fraction that the target fills; cosines of incidence and emission (0 off the
-    body and at night); albedo; and its change per degree of turn about each body axis (3, ny*s, nx*s), both 0 at night.
+    body and at night); albedo; and its change per degree of turn about each body axis (3, ny*s, nx*s), both 0 at night
+    unless it was wanted.
 
     Sub-pixels on the limb are filled in part and carry the limb's own cosines and albedo: counting only those whose
     centre hits the body would let the limb jump by a share of a sub-pixel.
@@ -34,8 +35,9 @@ class FineSurface:
     albedo_per_deg: Image
 
 
-def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int) -> FineSurface:
-    """Intersect the rays of an s x s grid of sub-pixels of `window` with the ellipsoid, in double precision."""
+def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int, night: bool = False) -> FineSurface:
+    """Intersect the rays of an s x s grid of sub-pixels of `window` with the ellipsoid, in double precision. night:
+    albedo there, too (other bodies light it)."""
     camera, radii = scene.camera, np.asarray(scene.target.radii_km, np.float64)
     rows, columns = (n * oversample for n in window.shape)
     pixel_rad = pose.range_km / camera.focal_length_px / scene.target.mean_radius_km / oversample
@@ -60,13 +62,14 @@ def fine_surface(scene: Scene, pose: Pose, window: Window, oversample: int) -> F
         float(scene.basemap.left_edge_deg) % 360.0,
         half_step,
         pixel_rad,
+        night,
         (cover, mu0, mu, value, change),
     )
     return FineSurface(cover, mu0, mu, value, change)
 
 
 @compiled_reordered
-def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg, half_step, pixel_rad, out):  # type: ignore[no-untyped-def]
+def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg, half_step, pixel_rad, night, out):  # type: ignore[no-untyped-def]
     """Rays through the sub-pixels, in the body frame whose axes are scaled so that the target is the unit sphere. Each
     loop over a row's columns does a part that the compiler can vectorise; the last one looks up the map."""
     cover, mu0, mu, value, change = out
@@ -123,7 +126,7 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             flat[j] = max(math.sqrt(px[j] * px[j] + py[j] * py[j]), 1e-6)
         places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)
         for j in range(begin, end):
-            if mu0[i, j] <= 0:
+            if mu0[i, j] <= 0 and not night:
                 continue
             at_x, at_y, emission = x[j], y[j], np.float64(mu[i, j])
             cosine, sine, tangent = px[j] / flat[j], py[j] / flat[j], pz[j] / flat[j]

@@ -14,7 +14,7 @@ from catalog.reasons import Reason
 from catalog.target import Target
 from tasks.atomic import folder_put_in_place
 from tasks.mosaic.block import combined_block
-from tasks.mosaic.grid import Block, MosaicGrid, block_side, mosaic_grid
+from tasks.mosaic.grid import Block, MosaicGrid, block_side, blocks_in, blocks_per_file, mosaic_grid
 from tasks.mosaic.model import Model, solve_model
 from tasks.mosaic.samples import samples_of
 from tasks.mosaic.settings import MosaicSettings, pixel_size_km
@@ -114,18 +114,33 @@ def _write(mosaic: Mosaic, path: Path) -> None:
 
     bands = sorted(mosaic.models)
     many = mosaic.settings.bands != "none"
-    side = block_side(max(len(mosaic.numbers_in(band)) for band in bands), mosaic.settings.memory_mb)
-    _create(mosaic, path, bands if many else None, side)
+    memory_mb = mosaic.settings.memory_mb
+    side = block_side(max(len(mosaic.numbers_in(band)) for band in bands), memory_mb)
+    several = blocks_per_file(mosaic.grid.shape, side, memory_mb)
+    _create(mosaic, path, bands if many else None, side, several)
     work = [
-        dask.delayed(_make_block)(mosaic, band, block, path, (number,) if many else ())
+        dask.delayed(_make_file)(mosaic, band, place, side, path, (number,) if many else ())
         for number, band in enumerate(bands)
-        for block in mosaic.grid.blocks(side)
+        for place in mosaic.grid.blocks(side * several)
     ]
     dask.compute(*work)
 
 
-def _make_block(mosaic: Mosaic, band: str, block: Block, path: Path, before: tuple[int, ...]) -> None:
-    """Make and write one block; `before`: the place along further dimensions."""
+def _make_file(mosaic: Mosaic, band: str, place: Block, side: int, path: Path, before: tuple[int, ...]) -> None:
+    """Make the blocks of one file and write it, in one go: two who write into a shard would lose each other's blocks.
+    place: of the file, in the map. before: the place along further dimensions."""
+    layers: dict[str, NDArray[Any]] = {}
+    for block in blocks_in(place, side):
+        for name, values in _made_block(mosaic, band, block).items():
+            if name not in layers:
+                layers[name] = np.empty([part.stop - part.start for part in place], values.dtype)
+            inside = tuple(slice(b.start - p.start, b.stop - p.start) for b, p in zip(block, place, strict=True))
+            layers[name][inside] = values
+    write_block(path, layers, (*before, *place))
+
+
+def _made_block(mosaic: Mosaic, band: str, block: Block) -> dict[str, NDArray[Any]]:
+    """The layers of one block."""
     latitude, longitude = mosaic.grid.places(block)
     cells = _cells_of(latitude, longitude)
     numbers = mosaic.numbers_in(band)
@@ -136,7 +151,7 @@ def _make_block(mosaic: Mosaic, band: str, block: Block, path: Path, before: tup
     )  # numbers within the band
     index = layers["image_index"]
     layers["image_index"] = np.where(index >= 0, np.asarray(numbers, np.int16)[index], index).astype(np.int16)
-    write_block(path, layers, (*before, *block))
+    return layers
 
 
 def _cells_of(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
@@ -146,8 +161,8 @@ def _cells_of(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> 
     return row, np.clip(longitude[known] * columns / 360, 0, columns - 1).astype(np.intp)
 
 
-def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int) -> None:
-    """The empty map with its coordinates."""
+def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int, several: int) -> None:
+    """The empty map with its coordinates; several: blocks of a file along each axis."""
     grid, target = mosaic.grid, mosaic.target
     if grid.equirectangular:
         dims: tuple[str, ...] = ("lat", "lon")
@@ -164,8 +179,9 @@ def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int) -> N
         }
         crs = dict(grid.grid.projection.crs.to_cf())
     chunks: tuple[int, ...] = tuple(min(side, n) for n in grid.shape)
+    shards: tuple[int, ...] = tuple(several * chunk for chunk in chunks)
     if bands is not None:
-        dims, chunks = ("band", *dims), (1, *chunks)
+        dims, chunks, shards = ("band", *dims), (1, *chunks), (1, *shards)
         coordinates["band"] = ("band", np.arange(len(bands), dtype=np.int16), {"long_name": "band", "bands": bands})
     transform = " ".join(repr(value) for value in grid.geo_transform())
     levels, sigmas = np.ones(len(mosaic.members)), np.zeros(len(mosaic.members))
@@ -178,7 +194,7 @@ def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int) -> N
         "level_sigma": ("image", sigmas, {"long_name": "1-sigma of level, relative", "units": "1"}),
     }
     variables = map_variables(dims, "1", GRID_MAPPING)
-    create_map(path, variables, coordinates, chunks, _attributes(mosaic), extra)
+    create_map(path, variables, coordinates, (chunks, shards), _attributes(mosaic), extra)
 
 
 def _axis(standard_name: str, units: str, long_name: str, axis: str) -> dict[str, str]:

@@ -14,6 +14,10 @@ Array = NDArray[np.float64]
 Block = tuple[slice, slice]
 LAYERS_PER_IMAGE = 10  # float64 arrays that a block keeps of every image
 SMALLEST_BLOCK, LARGEST_BLOCK = 64, 512
+# Choice: a map of more blocks than this is written in files of several blocks each; of fewer files a cluster of Dask
+# would have too little to share.
+MOST_FILES = 256
+BYTES_PER_PIXEL = 44  # of the layers of a finished block
 
 
 @dataclass(frozen=True)
@@ -63,9 +67,15 @@ class MosaicGrid:
     def blocks(self, side: int) -> Iterator[Block]:
         """All blocks of at most `side` pixels."""
         rows, columns = self.shape
-        for top in range(0, rows, side):
-            for left in range(0, columns, side):
-                yield slice(top, min(top + side, rows)), slice(left, min(left + side, columns))
+        return blocks_in((slice(0, rows), slice(0, columns)), side)
+
+
+def blocks_in(place: Block, side: int) -> Iterator[Block]:
+    """All blocks of at most `side` pixels of a part of a map."""
+    rows, columns = place
+    for top in range(rows.start, rows.stop, side):
+        for left in range(columns.start, columns.stop, side):
+            yield slice(top, min(top + side, rows.stop)), slice(left, min(left + side, columns.stop))
 
 
 def mosaic_grid(
@@ -76,6 +86,14 @@ def mosaic_grid(
         middle_deg = 180.0
     chosen = map_projection(projection, target, pixel_km, centre_deg, middle_deg)
     return MosaicGrid(grid_of(chosen, chosen.extent_m))
+
+
+def blocks_per_file(shape: tuple[int, int], side: int, memory_mb: float) -> int:
+    """Along each axis, how many blocks one file of a layer holds (a shard of Zarr), whose layers are all kept until it
+    is written: no more than the memory has room for."""
+    blocks = math.ceil(shape[0] / side) * math.ceil(shape[1] / side)
+    room = math.sqrt(memory_mb * 1e6 / BYTES_PER_PIXEL) / side
+    return max(min(math.ceil(math.sqrt(blocks / MOST_FILES)), int(room)), 1)
 
 
 def block_side(images: int, memory_mb: float) -> int:

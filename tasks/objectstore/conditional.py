@@ -27,7 +27,7 @@ def put_over(store: ObjectStore, name: str, content: bytes, tag: str) -> str | N
 
 def delete_same(store: ObjectStore, name: str, tag: str) -> bool:
     """Delete the object with this ETag; whether it was there."""
-    bucket, key = _bucket_and_key(store, name)
+    bucket, key = bucket_and_key(store, name)
     try:
         store.files.call_s3("delete_object", Bucket=bucket, Key=key, IfMatch=tag)
     except OSError as error:
@@ -39,7 +39,7 @@ def delete_same(store: ObjectStore, name: str, tag: str) -> bool:
 
 def tag_of(store: ObjectStore, name: str) -> str | None:
     """ETag of an object; None where there is none."""
-    bucket, key = _bucket_and_key(store, name)
+    bucket, key = bucket_and_key(store, name)
     try:
         return str(store.files.call_s3("head_object", Bucket=bucket, Key=key)["ETag"])
     except FileNotFoundError:
@@ -47,7 +47,7 @@ def tag_of(store: ObjectStore, name: str) -> str | None:
 
 
 def _put(store: ObjectStore, name: str, content: bytes, **condition: str) -> str | None:
-    bucket, key = _bucket_and_key(store, name)
+    bucket, key = bucket_and_key(store, name)
     try:
         return str(store.files.call_s3("put_object", Bucket=bucket, Key=key, Body=content, **condition)["ETag"])
     except OSError as error:
@@ -57,7 +57,8 @@ def _put(store: ObjectStore, name: str, content: bytes, **condition: str) -> str
         raise
 
 
-def _bucket_and_key(store: ObjectStore, name: str) -> tuple[str, str]:
+def bucket_and_key(store: ObjectStore, name: str) -> tuple[str, str]:
+    """An object's bucket, and its key in it."""
     bucket, _, key = store.path(name).partition("/")
     return bucket, key
 
@@ -82,7 +83,7 @@ def read_object(store: ObjectStore, name: str) -> bytes | None:
             return None
     from fsspec.asyn import sync
 
-    bucket, key = _bucket_and_key(store, name)
+    bucket, key = bucket_and_key(store, name)
     try:
         answer = store.files.call_s3("get_object", Bucket=bucket, Key=key)
     except FileNotFoundError as error:

@@ -3,9 +3,7 @@
 import os
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -14,6 +12,7 @@ from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from catalog.safe_name import INDEX, is_safe_product_name
 from tasks.objectstore.index_upload import upload_index
+from tasks.objectstore.listing import records_written
 from tasks.objectstore.location import ObjectStore, reaching
 from tasks.objectstore.publishing import CUBE_OPENER
 from tasks.publish.index import open_index
@@ -23,7 +22,6 @@ from tasks.record import RECORD_FILE
 if TYPE_CHECKING:
     import pandas as pd
 
-CONNECTIONS = 16
 INDEXED = (CUBE_OPENER, RESULT)  # all that a row of the index is read from
 
 
@@ -31,25 +29,7 @@ def whole_products(store: ObjectStore) -> dict[str, float]:
     """Names of the products that are whole, and when they were written (seconds since the epoch). Raises FailedError
     when the storage cannot be reached."""
     with reaching(store):
-        folders = [
-            facts["name"].rstrip("/")
-            for facts in store.files.ls(store.root, detail=True)
-            if facts["type"] == "directory"
-        ]
-        names = sorted(name for name in (path.rpartition("/")[2] for path in folders) if is_safe_product_name(name))
-        with ThreadPoolExecutor(CONNECTIONS) as pool:
-            written = list(pool.map(lambda name: _written(store, name), names))
-    return {name: when for name, when in zip(names, written, strict=True) if when is not None}
-
-
-def _written(store: ObjectStore, product: str) -> float | None:
-    """When a product was completed; None when it is not whole."""
-    try:
-        facts = store.files.info(store.path(product, RECORD_FILE))
-    except FileNotFoundError:
-        return None
-    when = facts.get("LastModified") or facts.get("created")
-    return float(when.timestamp()) if isinstance(when, datetime) else 0.0
+        return records_written(store)
 
 
 def download_product(store: ObjectStore, product: str, into: Path) -> Path:

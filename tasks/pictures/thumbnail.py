@@ -7,13 +7,14 @@ import numpy as np
 
 from catalog.observation import Quality
 from tasks.pictures.product import opened_cube
-from tasks.publish.overlay import stretched
+from tasks.publish.overlay import grey_limits, greys
 
 if TYPE_CHECKING:
     import xarray as xr
 
 SIDE_PX = 128
 MARGIN = 0.08
+SAMPLED_PX = 256  # of each side, for the limits of the greys
 
 
 def write_thumbnail(folder: Path, path: Path) -> Path:
@@ -28,14 +29,18 @@ def thumbnail_of(cube: "xr.Dataset") -> bytes:
     import cv2
 
     image, quality = cube["image"].values, cube["quality"].values
-    shown = (255 * stretched(image)).astype(np.uint8)
-    rows, columns = np.nonzero((quality & np.uint16(Quality.OFF_BODY)) == 0)
+    step = max(max(image.shape) // SAMPLED_PX, 1)
+    low, high = grey_limits(image[::step, ::step])
+    on_body = (quality & np.uint16(Quality.OFF_BODY)) == 0
+    rows, columns = np.flatnonzero(on_body.any(axis=1)), np.flatnonzero(on_body.any(axis=0))
     if rows.size:
-        middle = (rows.min() + rows.max()) // 2, (columns.min() + columns.max()) // 2
+        middle = (rows[0] + rows[-1]) // 2, (columns[0] + columns[-1]) // 2
         half = int((0.5 + MARGIN) * max(np.ptp(rows), np.ptp(columns))) + 2
     else:
         middle, half = (image.shape[0] // 2, image.shape[1] // 2), max(image.shape) // 2
-    padded = np.pad(shown, half)
-    square = padded[middle[0] : middle[0] + 2 * half + 1, middle[1] : middle[1] + 2 * half + 1]
+    square = np.full((2 * half + 1, 2 * half + 1), low, np.float32)
+    first = [max(half - at, 0) for at in middle]  # of the square, where the frame begins
+    part = image[tuple(slice(max(at - half, 0), at + half + 1) for at in middle)]
+    square[first[0] : first[0] + part.shape[0], first[1] : first[1] + part.shape[1]] = np.nan_to_num(part, nan=low)
     small = cv2.resize(square, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA)
-    return bytes(cv2.imencode(".png", small)[1])
+    return bytes(cv2.imencode(".png", (255 * greys(small, low, high)).astype(np.uint8))[1])

@@ -31,12 +31,16 @@ Progress = Callable[[str, int, str], None]
 SMALLEST_PLATEAU_PX = 100
 # A disk of which more of the bright pixels are saturated is refused; with 63 % the rest still tells.
 SATURATED_SHARE = 0.75
+# An arc of limb may be in a frame that the pose's disk misses by so much of its radius.
+NEAR_SHARE = 0.05
 
 
 class PointSettings(BaseModel):
     """coarse: search the whole frame first. diameter_px: larger disks are settled at reduced resolution.
     stop_px: a smaller move ends the loop. rest_px: so does going to and fro within so much of the middle of the way, or
     within the registration's own error; the middle is then taken, and the scatter added to the uncertainty.
+    min_overlap: part of the disk that must be in the frame; arc_overlap: the same where the pose that is corrected has
+    less than min_overlap of it in the frame or next to it.
     min_score, min_correlation: below these the target counts as not found. rival_likeness: where the
     target fits elsewhere in the frame, too, with this correlation or more, the place is in doubt (measured on disks
     0.8-1.3 times as wide as the target's: 0.90-0.99)."""
@@ -49,6 +53,7 @@ class PointSettings(BaseModel):
     rest_px: float = Field(REST_PX, ge=0)
     max_iterations: int = Field(12, ge=1, le=100)
     min_overlap: float = Field(0.25, gt=0, le=1)
+    arc_overlap: float = Field(0.002, gt=0, le=1)
     min_score: float = Field(0.4, ge=-1, le=1)
     min_correlation: float = Field(0.6, ge=-1, le=1)
     rival_likeness: float = Field(0.85, ge=0, le=1)
@@ -97,12 +102,27 @@ def refuse_saturated(observation: Observation) -> None:
 def find_pointing(
     observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None = None
 ) -> Correction:
-    """Correct the camera's pointing; the target's range and attitude stay.
+    """Correct the camera's pointing; the target's range and attitude stay. Where the pose itself has but a small part
+    of the disk in the frame, so small a part is looked for, too, if no larger one is found.
 
     Raises RefusedError when no limb can be in the frame, the disk is saturated or not found, FailedError when the loop
     does not settle within `max_iterations` (the message carries the history).
     """
     refuse_without_limb(pose, scene)
+    try:
+        return found_pointing(observation, pose, scene, settings, progress)
+    except RefusedError as error:
+        is_arc = 0 < share_in_frame(pose, scene, NEAR_SHARE) < settings.min_overlap
+        if error.code != Reason.TARGET_NOT_FOUND or not is_arc:
+            raise
+    smaller = settings.model_copy(update={"min_overlap": settings.arc_overlap})
+    return found_pointing(observation, pose, scene, smaller, progress)
+
+
+def found_pointing(
+    observation: Observation, pose: Pose, scene: Scene, settings: PointSettings, progress: Progress | None
+) -> Correction:
+    """`find_pointing` of a target of which at least the settings' min_overlap is in the frame."""
     evidence: dict[str, Any] = {}
     start, rival = pose, None
     everything = observation
@@ -135,8 +155,8 @@ def find_pointing(
     if share < settings.min_overlap:
         raise RefusedError(
             Reason.TARGET_NOT_FOUND,
-            f"the disk of {scene.target.name} fits best where only {share:.0%} of it would be in the frame "
-            f"(needed {settings.min_overlap:.0%}).",
+            f"the disk of {scene.target.name} fits best where only {100 * share:.2g}% of it would be in the frame "
+            f"(needed {100 * settings.min_overlap:.2g}%).",
             "Check target, range and Sun direction; a frame without the target or its limb gives this too.",
         )
     alike = likeness_at(observation, settled, scene)
@@ -233,12 +253,12 @@ def sigma_px(shift: Shift, rest: Rest | None, n: int) -> list[float] | None:
     return (n * np.sqrt(own + scatter**2)).tolist()
 
 
-def share_in_frame(pose: Pose, scene: Scene) -> float:
-    """Part of the target's disk that lies in the frame."""
+def share_in_frame(pose: Pose, scene: Scene, near: float = 0.0) -> float:
+    """Part of the target's disk that lies in the frame. near: of a disk larger by this share."""
     centre, size = scene.camera.project(pose.target_in_camera_km), np.array(scene.camera.size_px)
     steps = np.linspace(-1, 1, 41)
     across = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
-    xy = centre + disk_radius_px(pose, scene.camera, scene.target) * across[np.hypot(*across.T) <= 1]
+    xy = centre + (1 + near) * disk_radius_px(pose, scene.camera, scene.target) * across[np.hypot(*across.T) <= 1]
     return float(((xy > -0.5) & (xy < size - 0.5)).all(axis=1).mean())
 
 

@@ -19,24 +19,28 @@ def create_map(
     path: Path,
     variables: Sequence[Variable],
     coordinates: Mapping[str, Any],
-    chunks: tuple[int, ...],
+    parts: tuple[tuple[int, ...], tuple[int, ...]],
     attributes: Mapping[str, Any],
     extra: Mapping[str, Any],
 ) -> None:
     """Make the group; its variables hold nothing until `write_block` has put every block in its place. coordinates,
     extra: as xarray takes variables; the variables have the dimensions of `variables`, whose lengths the coordinates
-    give."""
+    give. parts: shapes of the blocks that are compressed and read one by one (chunks), and of those that are written as
+    one file each (shards), a multiple of the former."""
     import dask.array as da
     import xarray as xr
 
+    chunks, shards = parts
     sizes = {name: len(given[1]) for name, given in coordinates.items() if given[0] == name}
     layers: dict[str, Any] = {}
     encoding: dict[str, dict[str, Any]] = {}
     for variable in variables:
         shape = tuple(sizes[dim] for dim in variable.dims)
         kind = np.dtype(variable.dtype)
-        layers[variable.name] = (variable.dims, da.zeros(shape, dtype=kind, chunks=chunks), variable.attributes)
+        layers[variable.name] = (variable.dims, da.zeros(shape, dtype=kind, chunks=shards), variable.attributes)
         encoding[variable.name] = {"chunks": chunks, "compressors": [compressor()]}
+        if shards != chunks:
+            encoding[variable.name]["shards"] = shards
         if kind.kind != "f":
             encoding[variable.name]["_FillValue"] = None
     dataset = xr.Dataset(layers, coordinates, {"Conventions": CONVENTIONS, **attributes}).assign(extra)
@@ -55,7 +59,8 @@ def _add_layers(path: Path, dataset: "xr.Dataset", layers: Mapping[str, Any], en
 
 
 def write_block(path: Path, layers: Mapping[str, NDArray[Any]], place: tuple[Any, ...]) -> None:
-    """Put the layers of one block, whole chunks, at `place` (an index or slice for each dimension)."""
+    """Put the layers of one block at `place` (an index or slice for each dimension): whole files of the group, for
+    whoever writes a part of one reads and writes all of it, and of two at once one is lost."""
     import zarr
 
     group = zarr.open_group(str(path), mode="r+")

@@ -107,11 +107,19 @@ def _closed(xy_px: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def stretched(image: NDArray[np.float32]) -> NDArray[np.float32]:
     """Grey values 0-1 that show dark and bright parts at once: from sky to the 99.9th percentile, with a gamma."""
+    return greys(image, *grey_limits(image))
+
+
+def grey_limits(image: NDArray[np.float32]) -> tuple[float, float]:
+    """The values that are drawn black and white; (0, 0) where nothing is known."""
     finite = image[np.isfinite(image)]
-    if not finite.size:
-        return np.zeros_like(image)
-    low, high = np.percentile(finite, [2.0, 99.9])
-    scale = max(float(high - low), 1e-30)
+    low, high = np.percentile(finite, [2.0, 99.9]) if finite.size else (0.0, 0.0)
+    return float(low), float(high)
+
+
+def greys(image: NDArray[np.float32], low: float, high: float) -> NDArray[np.float32]:
+    """Grey values 0-1 between two limits; what is unknown is black."""
+    scale = max(high - low, 1e-30)
     return (np.clip((np.nan_to_num(image, nan=low) - low) / scale, 0.0, 1.0) ** GAMMA).astype(np.float32)
 
 

@@ -133,8 +133,8 @@ def settled(observation: Observation, pose: Pose, scene: Scene, keep_behind: boo
         fit = fit_limb(edges, scene.camera.project(pose.target_in_camera_km), solve_growth=False, min_points=needed)
         pose = pose_moved_by(pose, scene.camera, fit.offset_px)
         if np.hypot(*fit.offset_px) < STILL_PX:
-            break
-    return scene.camera.project(pose.target_in_camera_km), fit.covariance[:2, :2]
+            return scene.camera.project(pose.target_in_camera_km), fit.covariance[:2, :2]
+    raise FailedError(Reason.JOINT_NOT_SETTLED, f"its limb still moves after {ROUNDS} fits.", "")
 
 
 def as_target_of(pose: Pose, target: Target, body: Body) -> Pose:

@@ -13,38 +13,12 @@ from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
+from tasks.simulate.shine import cosines_of, shines_of, with_shines
 from tasks.simulate.trail import smeared
 from tasks.simulate.window import Window, disk_radius_px, target_window
-
-
-class OtherBodiesSettings(BaseModel):
-    """What is left out of an image around other bodies than the target, and what is measured of these: margins beyond
-    a body's edge add up."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-    blur_sigmas: float = Field(
-        4.0, ge=0, description="Margin of a body's edge, in widths of the PSF: 3e-5 of an edge's light is beyond."
-    )
-    pixel_px: float = Field(1.0, ge=0, description="The same in pixels: a pixel's own width.")
-    place_sigmas: float = Field(
-        3.0, ge=0, description="The same in 1-sigma errors of the body's place relative to the target (`sigma_km`)."
-    )
-    least_loss: float = Field(
-        0.005,
-        gt=0,
-        lt=1,
-        description="Shadows and rings that take less of the light are left alone: a tenth of what maps are off by.",
-    )
-    kept_px: float = Field(
-        12.0, ge=0, description="A body behind the target is left out from so far beyond the target's limb on. Choice."
-    )
-    kept_radii: float = Field(0.05, ge=0, description="The same in radii of the target, added. Choice.")
-    kept_sigmas: float = Field(4.0, ge=0, description="The same in widths of the PSF, added; as blur_sigmas.")
-    least_lit_px: float = Field(
-        40.0, gt=0, description="Width of a disk's sunlit part from which its place is measured: some hundred segments."
-    )
 
 
 class SceneSettings(BaseModel):
@@ -175,9 +149,16 @@ class Scene:
             from tasks.simulate.closed_form import ellipsoid_surface as surface
         return Surface(*surface(pose, self.camera, self.target, self.basemap, window, oversample))
 
-    def shade(self, surface: Surface, phase_deg: float) -> list[NDArray[np.float32]]:
-        """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels."""
-        return [law(surface.mu0, surface.mu, phase_deg) for law in bases_of(self.settings.photometry)]
+    def shade(self, surface: Surface, pose: Pose, window: Window, oversample: int) -> list[NDArray[np.float32]]:
+        """Basis images (ny*s, nx*s), albedo 1, of the chosen photometry at the sub-pixels, under the Sun and the light
+        of other bodies."""
+        shines = shines_of(pose, self.target, self.settings.others)
+        cosines = cosines_of(shines, pose, self.camera, self.target, window, oversample)
+        cosines = [np.where(surface.hit, cosine, np.float32(0)) for cosine in cosines]
+        return [
+            with_shines(law, surface.mu0, surface.mu, pose.phase_deg, shines, cosines)
+            for law in bases_of(self.settings.photometry)
+        ]
 
     def render(self, pose: Pose, window: Window | None = None) -> Simulation:
         """Simulate `pose` under `window` (default: the target's window, which may leave the frame).
@@ -189,7 +170,7 @@ class Scene:
             raise ValueError(f"empty window {window}")
         s = self.oversample_for(pose)
         surface = self.surface(pose, window, s)
-        fine = self.shade(surface, pose.phase_deg)
+        fine = self.shade(surface, pose, window, s)
         sigma = self.psf_sigma_px
 
         def seen(plane: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -34,6 +34,15 @@ class Window:
         """The same size elsewhere."""
         return Window(self.x0 + dx, self.y0 + dy, self.x1 + dx, self.y1 + dy)
 
+    def nearest(self, size_px: tuple[int, int], first_px: tuple[int, int] = (0, 0)) -> "Window":
+        """The part of at most (nx, ny) pixels that is nearest to a frame of that size whose first pixel is `first_px`;
+        unlike `clipped` never empty, so that what is rendered is bounded by the frame wherever a pose puts a disk."""
+        (x0, x1), (y0, y1) = (
+            _nearest_span(low, high, size, first)
+            for low, high, size, first in zip((self.x0, self.y0), (self.x1, self.y1), size_px, first_px, strict=True)
+        )
+        return Window(x0, y0, x1, y1)
+
     def crop(self, array: NDArray, fill: float = 0) -> NDArray:
         """Copy of `array` (ny, nx) under the window; `fill` where the window leaves the array."""
         out = np.full(self.shape, fill, dtype=array.dtype)
@@ -43,6 +52,13 @@ class Window:
             columns = slice(inside.x0 - self.x0, inside.x1 - self.x0)
             out[rows, columns] = array[inside.y0 : inside.y1, inside.x0 : inside.x1]
         return out
+
+
+def _nearest_span(low: int, high: int, size: int, first: int) -> tuple[int, int]:
+    """The part of low <= x < high, at most `size` long, that is nearest to first <= x < first + size."""
+    length = min(high - low, size)
+    begin = min(max(first, low), high - length)
+    return begin, begin + length
 
 
 def disk_radius_px(pose: Pose, camera: Camera, target: Target) -> float:

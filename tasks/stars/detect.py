@@ -31,6 +31,8 @@ def filled(image: Array, usable: Mask, reach_px: float = 4.0) -> Array:
     from any by the nearest such mean."""
     import cv2
 
+    if usable.all():
+        return image
     size = 2 * int(np.ceil(3 * reach_px)) + 1
     values = np.where(usable, image, 0.0).astype(np.float32)
     weight = cv2.GaussianBlur(usable.astype(np.float32), (size, size), reach_px)
@@ -43,8 +45,6 @@ def local_noise(response: Array, usable: Mask, tile_px: int) -> Array:
     """Robust 1-sigma scatter (ny, nx) of a filtered image, by tiles and interpolated between their centres; inf where
     no tile near has enough usable pixels. Structure (a ring, a limb) counts as noise: nothing is detected on it unless
     it stands out."""
-    from scipy.ndimage import map_coordinates
-
     ny, nx = response.shape
     rows, columns = max(1, round(ny / tile_px)), max(1, round(nx / tile_px))
     tall, wide = -(-ny // rows), -(-nx // columns)
@@ -58,10 +58,13 @@ def local_noise(response: Array, usable: Mask, tile_px: int) -> Array:
     sigma[enough] = clipped_scatter(tiles[enough])
     lowest = np.nanmedian(sigma) * 0.3  # flat areas (fills, clipped darkness) have no scatter of their own
     sigma = _without_gaps(np.maximum(sigma, max(lowest, 1e-12)))
-    y = (np.arange(ny) - (tall - 1) / 2) / tall
-    x = (np.arange(nx) - (wide - 1) / 2) / wide
-    places = np.meshgrid(np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1), indexing="ij")
-    return np.asarray(map_coordinates(sigma, places, order=1, mode="nearest"))
+    return np.asarray(_shares(ny, tall, rows) @ sigma @ _shares(nx, wide, columns).T)
+
+
+def _shares(pixels: int, tile_px: int, tiles: int) -> Array:
+    """Weights (pixels, tiles) of linear interpolation between the centres of tiles; beyond the last ones theirs."""
+    place = np.clip((np.arange(pixels) - (tile_px - 1) / 2) / tile_px, 0, tiles - 1)
+    return np.maximum(1 - np.abs(place[:, None] - np.arange(tiles)), 0.0)
 
 
 def structure_around(response: Array, reach_px: int) -> Array:
@@ -88,11 +91,16 @@ def structure_around(response: Array, reach_px: int) -> Array:
 def clipped_scatter(values: Array) -> Array:
     """Standard deviation (n,) of rows of values (n, m) with NaN for none, without the outermost: unlike the median
     deviation it also serves integers whose noise is a fraction of a step."""
-    off = np.abs(values - np.nanmedian(values, axis=-1, keepdims=True))
+    count = np.isfinite(values).sum(axis=-1)
+    ascending = np.sort(values, axis=-1)  # NaN last
+    every = np.arange(len(values))
+    median = (ascending[every, (count - 1) // 2] + ascending[every, count // 2]) / 2
+    square = np.sort((values - median[:, None]) ** 2, axis=-1)
+    total = np.cumsum(square, axis=-1)
     for _ in range(CLIPPINGS):
-        spread = np.sqrt(np.nanmean(off**2, axis=-1, keepdims=True))
-        off = np.where(off <= CLIP * spread, off, np.nan)
-    return np.asarray(np.sqrt(np.nanmean(off**2, axis=-1)))
+        # What is kept of the ascending squares is always a first part of them.
+        count = (square <= (CLIP**2 * total[every, count - 1] / count)[:, None]).sum(axis=-1)
+    return np.asarray(np.sqrt(total[every, count - 1] / count))
 
 
 def _without_gaps(tiles: Array) -> Array:

@@ -109,7 +109,7 @@ class Possible:
     def __call__(self, turned: Array) -> NDArray[np.bool_]:
         """Whether each of (n, 3, 3) camera_from_sky does."""
         if self.predicted is not None:
-            trace = np.einsum("nij,ij->n", turned, self.predicted)
+            trace = turned.reshape(-1, 9) @ self.predicted.ravel()
             return np.asarray(np.arccos(np.clip((trace - 1) / 2, -1, 1)) <= self.within_rad)
         if self.axis is not None:
             return np.asarray(turned[:, 2] @ self.axis >= np.cos(self.within_rad))
@@ -132,8 +132,9 @@ def _orientations(a: Array, b: Array, stars: SkyPairs, chosen: slice) -> Array:
     """camera_from_sky (2 m, 3, 3) that bring pairs of stars, either way round, to two rays."""
     of_camera = frames(a, b)
     one, two = stars.directions[stars.first[chosen]], stars.directions[stars.second[chosen]]
-    of_sky = np.concatenate([frames(one, two), frames(two, one)])
-    return np.asarray(of_camera.T @ of_sky)
+    of_sky = frames(one, two)
+    other_way = of_sky * np.array([1.0, -1.0, -1.0])[:, None]  # frames(two, one)
+    return np.asarray(of_camera.T @ np.concatenate([of_sky, other_way]))
 
 
 def _borne_out(turned: Array, rays: Array, stars: SkyPairs, tolerance_rad: float) -> tuple[Array, int] | None:

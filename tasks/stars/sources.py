@@ -52,11 +52,11 @@ def find_sources(observation: Observation, psf_sigma_px: float, settings: Detect
     """Star images of a frame and what else has a peak. psf_sigma_px: of the camera, to begin with; where enough bright
     peaks agree in another shape (a trail, a better focus), that is the frame's."""
     image, usable = observation.image.astype(np.float64), observation.usable & np.isfinite(observation.image)
-    shape = np.eye(2) * max(psf_sigma_px, 0.4) ** 2
+    shape, variance = np.eye(2) * max(psf_sigma_px, 0.4) ** 2, sky_variance(image, usable, settings.tile_px)
     for _ in range(2):
         places, ratio = peaks(image, usable, shape, settings)
         places, ratio = places[: settings.most], ratio[: settings.most]
-        cut = stamps(image, sky_variance(image, usable, settings.tile_px), usable, places, _half(shape))
+        cut = stamps(image, variance, usable, places, _half(shape))
         common = common_shape(fit_stars(first(cut, FOR_SHAPE), shape, True, settings.model_error), shape)
         if np.allclose(common, shape, rtol=0.15, atol=0.05):
             break

@@ -17,6 +17,7 @@ from catalog.lists import ImageEntry, ImageList, known_lists, load_image_list, w
 from catalog.lists.adding import Wanted, add_to_list, check_list
 from catalog.lists.kernel_sets import expanded, known_kernel_sets
 from catalog.lists.location import known_archives, parse_location
+from catalog.lists.part import parse_part, part_of
 from catalog.lists.tables import Row, write_table
 from catalog.times import et_from_utc
 from flows.cli import build_app
@@ -297,3 +298,25 @@ def test_an_index_in_an_archive_is_fetched_and_added(tmp_path: Path, monkeypatch
     assert done.exit_code == 0, done.output
     assert len(load_image_list(tmp_path / "own.csv").entries) == 2
     assert CliRunner().invoke(build_app(), ["catalog", "add", "nasa:x/y.lbl"]).exit_code == 2
+
+
+@given(st.sets(st.from_regex(r"[A-Z0-9]{1,8}", fullmatch=True), max_size=40), st.integers(1, 9))
+def test_every_image_is_in_one_part_whatever_else_is_in_the_list(names: set[str], count: int) -> None:
+    entries = tuple(ImageEntry(product=name, image="a.img") for name in sorted(names))
+    whole = ImageList(name="list", entries=entries)
+    parts = [[e.product for e in whole.part(f"{number}/{count}").entries] for number in range(1, count + 1)]
+    assert sorted(product for part in parts for product in part) == sorted(names)
+    half = ImageList(name="list", entries=entries[::2])
+    for number, part in enumerate(parts, start=1):
+        assert {e.product for e in half.part(f"{number}/{count}").entries} <= set(part)
+
+
+@pytest.mark.parametrize("text", ["", "1", "0/2", "3/2", "1/0", "-1/2", "1/2/3", "a/b", "1 / 2", "01/2", "1/9999999"])
+def test_what_is_no_part_is_refused_with_what_is_one(text: str) -> None:
+    with pytest.raises(ValueError, match="2/4"):
+        parse_part(text)
+
+
+def test_parts_are_alike_on_every_machine() -> None:
+    """Fixed here, for a run of another version must not do the images of another part."""
+    assert [part_of(f"C{number}", 4) for number in range(8)] == [2, 4, 4, 3, 3, 2, 4, 4]

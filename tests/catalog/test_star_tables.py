@@ -127,6 +127,35 @@ def test_what_is_no_catalog_is_refused_by_name(tmp_path: Path, name: str, conten
     assert name in refused.value.fault
 
 
+@pytest.mark.parametrize(
+    ("content", "columns", "fault"),
+    [("ra,dec,mag\n", {}, "holds no stars"),
+     ("ra,dec,mag\n01:02:03,-4:05:06,7\n", {}, "none of its 1 rows has a direction in decimal degrees in ra and dec"),
+     ("ra,dec,mag\n170,200,7\n", {}, "none of its 1 rows"),
+     ("1.5,2.5,3\n4,5,6\n", {}, "has no names of columns: its first line is 1.5, 2.5, 3"),
+     ("ra,dec,mag\n1,2,3\n", {"ra_deg": "mag"}, "magnitude and ra_deg are both mag|ra_deg and magnitude are both mag")],
+)  # fmt: skip
+@pytest.mark.parametrize("large", [False, True])
+def test_a_catalog_without_directions_is_refused_and_says_why(
+    tmp_path: Path, content: str, columns: dict[str, str], fault: str, large: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if large:
+        monkeypatch.setattr("catalog.stars.files.WHOLE_TEXT_BYTES", 0)
+    path = tmp_path / "own.csv"
+    path.write_text(content)
+    with pytest.raises(RefusedError, match=fault):
+        FileCatalog(path, columns).stars(Cone(unit_vectors(1.0, 2.0), 5.0))
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "|", ","])
+def test_a_text_file_may_have_other_separators(tmp_path: Path, separator: str) -> None:
+    path = tmp_path / "own.csv"
+    path.write_text(
+        "# made by hand\n" + "\n".join(separator.join(row) for row in (["ra", "dec", "mag"], ["1", "2", "3"]))
+    )
+    assert FileCatalog(path).stars().dec_deg.tolist() == [2.0]
+
+
 def test_a_missing_catalog_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RefusedError, match="does not exist"):
         FileCatalog(tmp_path / "none.csv").stars()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from catalog.errors import FailedError, RefusedError
+from tasks.objectstore import listing
 from tasks.objectstore.location import ObjectStore, open_object_store
 from tasks.objectstore.publishing import CUBE_OPENER, publish_product, published_key
 from tasks.objectstore.reading import download_product, object_store_index, publish_index, whole_products
@@ -15,6 +16,7 @@ from tasks.objectstore.step import STEP as UPLOAD
 from tasks.objectstore.step import UploadFiles, UploadInputs
 from tasks.publish.checksums import checksum_faults, write_checksums
 from tasks.publish.index import INDEX
+from tasks.publish.names import CUBE
 from tasks.record import RECORD_FILE
 from tasks.step import AnyStep, Step, run
 
@@ -106,6 +108,37 @@ def test_what_other_products_are_called_does_not_matter(url: str, tmp_path: Path
     publish_product(write_product(tmp_path, "k2"), store)
     assert list(whole_products(store)) == ["C0001"]
     assert store.files.exists(store.path("C00011", "cube.zarr", "zarr.json"))
+
+
+@pytest.mark.parametrize("page", [1, 2, 7, 1000])
+def test_products_are_found_by_listings_alone_whatever_the_size_of_a_page(
+    url: str, monkeypatch: pytest.MonkeyPatch, page: int
+) -> None:
+    store = open_object_store(f"{url}-{page}")
+    whole, hidden = ["(first", "+b", "A1", "Z", "_c", "z9"], ".reprocess/images"
+    for name in whole:
+        for number in range(4):
+            store.files.pipe_file(store.path(name, CUBE, f"plane{number}", "c"), b"1")
+        for part in ("record.json", "result.json"):
+            store.files.pipe_file(store.path(name, part), b"{}")
+    store.files.pipe_file(store.path("begun", CUBE, "image", "c"), b"1")  # no record: not whole
+    for number in range(9):
+        store.files.pipe_file(store.path(hidden, f"p{number}.json"), b"{}")
+    store.files.pipe_file(store.path("index.parquet", "part-00000.parquet"), b"")
+    store.files.pipe_file(f"{store.root}-beside/other/record.json", b"{}")
+    monkeypatch.setattr(listing, "PAGE", page)
+    requests: list[str] = []
+    call = store.files.call_s3
+    monkeypatch.setattr(store.files, "call_s3", lambda name, **given: requests.append(name) or call(name, **given))
+    found = whole_products(store)
+    assert list(found) == sorted(whole)
+    assert found == pytest.approx(listing.looked_up_records(store), abs=1.0)
+    sizes = {f"{CUBE}/plane{number}/c": 1 for number in range(4)} | {"record.json": 2, "result.json": 2}
+    assert listing.sizes_below(store, "A1") == sizes
+    assert listing.sizes_below(store, "A") == {}
+    assert set(requests) == {"list_objects_v2"}
+    if page == 1000:
+        assert len(requests) == 3
 
 
 def step_of(url: str, folder: Path, key: str) -> AnyStep:

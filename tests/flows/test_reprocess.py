@@ -353,3 +353,14 @@ def test_what_the_list_names_is_fetched_first_and_what_cannot_be_had_is_reported
     run = begin(ReprocessOptions(images=str(tmp_path / LIST), fetch=True, **place))
     assert [request.image.exists() for request in run.requests] == [True, False]
     assert "gone.png was not fetched" in caplog.text
+
+
+def test_parts_of_a_list_are_planned_alone_and_together_are_the_list(settings: ReprocessOptions) -> None:
+    found = [
+        {plan.request.product for plan in planned(settings.model_copy(update={"part": f"{number}/2"}))[1]}
+        for number in (1, 2)
+    ]
+    assert found[0] | found[1] == {*GOOD, BAD}
+    assert not found[0] & found[1]
+    with pytest.raises(ValidationError, match="2/4"):
+        ReprocessOptions(images="list", part="3/2")

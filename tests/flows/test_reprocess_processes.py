@@ -1,6 +1,7 @@
 """The processes that images are done in: what a hang, a death and a large image come to, and what is left of them."""
 
 import errno
+import json
 import threading
 from pathlib import Path
 from typing import Any
@@ -128,7 +129,7 @@ def test_prefect_tries_again_only_after_faults_that_can_pass(
 
     @flow
     def one_image() -> Any:
-        return task("small", {"request": {"store": str(tmp_path)}}, return_state=True)
+        return task("small", json.dumps({"request": {"store": str(tmp_path)}}), return_state=True)
 
     state = one_image(return_state=True)
     assert seen == [fault] * attempts

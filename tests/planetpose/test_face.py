@@ -58,6 +58,7 @@ PROMISED = [
     "read_pose_file",
     "stars",
     "view",
+    "widget",
     "write_pose_file",
 ]
 PROMISED_OF_CORRECT = (

@@ -12,9 +12,9 @@ from catalog.basemap import BaseMap
 from catalog.pose import Pose
 from tasks.joint import JointSettings
 from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas
-from tasks.joint.limb_response import limb_response
 from tasks.joint.parameters import OFFSET, RANGE, State, difference
 from tasks.joint.problem import Problem
+from tasks.joint.relief_response import ARCS, relief_response
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
@@ -59,7 +59,7 @@ def test_an_arc_that_lies_higher_moves_the_solution_as_predicted(phase_deg: floa
     # A small rise: a large one would be taken for an outlier, and move the solution less.
     (level, _), (raised, _) = solved(phase_deg), solved(phase_deg, RISE_PX)
     moved = difference(raised.free_state, level.free_state, CAMERA)
-    predicted = RISE_PX * limb_response(level.free)[:, int(ARC_DEG[0] // 20)]
+    predicted = RISE_PX * relief_response(level.free)[:, int(ARC_DEG[0] // 20)]
     print(f"\nmoved {np.round(moved[OFFSET], 4)} px, range {moved[RANGE]:+.5f}; foretold {predicted[:3]}")
     weight = np.array([1.0, 1.0, 50.0])
     step, expected = moved[:3] * weight, predicted[:3] * weight
@@ -73,7 +73,7 @@ def test_an_arc_that_lies_higher_moves_the_solution_as_predicted(phase_deg: floa
 
 def test_a_limb_that_is_higher_all_round_is_a_nearer_body() -> None:
     estimate, truth = solved(30.0)
-    together = limb_response(estimate.free).sum(axis=1)
+    together = relief_response(estimate.free)[:, :ARCS].sum(axis=1)
     radius = disk_radius_px(truth, CAMERA, SPHERE)
     assert together[RANGE] * radius == pytest.approx(-1, abs=0.15)
     assert np.hypot(*together[OFFSET]) < 0.15

@@ -74,3 +74,22 @@ def test_a_window_keeps_to_a_rim_of_the_frame_unless_nothing_of_it_is_inside() -
     assert inside == SCENE.window(pose_at((100, 70)))
     assert (cut.x0, cut.y0) == (-8, max(-8, SCENE.window(pose_at((-20, 70))).y0))
     assert outside == SCENE.window(pose_at((-400, 70)))
+
+
+@pytest.mark.parametrize("radius_px", [500, 70_000])
+@pytest.mark.parametrize("side", [(-1, 0), (1, 0), (0, -1), (0.7, 0.7)])
+def test_a_window_is_no_larger_than_the_frame_wherever_a_large_disk_is(
+    radius_px: int, side: tuple[float, float]
+) -> None:
+    """A planet of 70 000 px beside the frame was once rendered whole, in 60 GB."""
+    nx, ny = SCENE.camera.size_px
+    range_km = SCENE.camera.focal_length_px * SCENE.target.mean_radius_km / radius_px
+    centre = (nx / 2 + side[0] * (1.2 * radius_px + nx), ny / 2 + side[1] * (1.2 * radius_px + ny))
+    ray = SCENE.camera.ray(np.array(centre))
+    pose = pose_at((100, 70))
+    pose = pose.replaced(target_from_spacecraft_km=pose.camera_from_j2000.T @ ray * range_km)
+    window, whole = framed_window(SCENE, pose), SCENE.window(pose)
+    assert 1 <= window.shape[0] <= ny + 16
+    assert 1 <= window.shape[1] <= nx + 16
+    assert whole.x0 <= window.x0 < window.x1 <= whole.x1
+    assert whole.y0 <= window.y0 < window.y1 <= whole.y1

@@ -2,12 +2,14 @@
 
 import json
 import struct
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
 from typer.testing import CliRunner
 
+from catalog.camera import read_camera_file
 from catalog.errors import FailedError, PlanetposeError, RefusedError, WrongOptionError
 from catalog.pose import read_pose_file
 from catalog.rotation import vector_deg_from_rotation
@@ -16,6 +18,7 @@ from flows.cli import build_app
 from lab.maps.network import MadeNetwork, across_deg, made_network, rms_across_deg
 from lab.simulate.albedo_store import paper_views, write_albedo_store
 from tasks.control.bundle import adjust_bundle
+from tasks.control.camera_constants import constant_rows, constants_of
 from tasks.control.files import NET, write_control
 from tasks.control.matching import match_patches
 from tasks.control.settings import ControlSettings
@@ -23,6 +26,7 @@ from tasks.control.store import control_report, control_store
 
 VIEWS = ("LOR_0034823099", "LOR_0034849319", "LOR_0034866659", "C1634216", "C1635707", "C2062524")
 EUROPA = find_target("europa")
+FOCAL = ControlSettings(solve=("focal-length",))
 
 
 def textured(seed: int = 2):
@@ -201,11 +205,94 @@ def test_the_stated_covariance_is_that_of_repeated_adjustments(free_radius: bool
     assert 2.0 < np.mean(pulls) < 4.5  # chi-square of three
 
 
-def test_sparse_and_dense_factors_agree(monkeypatch) -> None:
+def with_constants(network: MadeNetwork, scale: float, bent: float, known: float) -> MadeNetwork:
+    """The network as cameras measure it whose focal length is longer by `scale` and that bend by `bent`; known: 1-sigma
+    of the focal length that is stated."""
+    xy, camera = network.ties.xy_px, network.cameras[0]
+    centre, corner = np.asarray(camera.centre_px), np.hypot(*camera.size_px) / 2
+    away = (1 + scale) * (xy - centre)
+    ties = replace(network.ties, xy_px=centre + away * (1 + bent * (away**2).sum(axis=1, keepdims=True) / corner**2))
+    stated = camera.model_copy(update={"focal_length_sigma": known})
+    return replace(network, ties=ties, cameras=[stated] * len(network.cameras))
+
+
+@pytest.mark.parametrize(
+    ("solve", "scale", "corner_px"),
+    [(("focal-length",), 0.002, 0.0), (("distortion",), 0.0, 0.8), (("focal-length", "distortion"), -0.001, -0.6)],
+)
+def test_planted_camera_constants_come_back_within_their_errors(solve, scale: float, corner_px: float) -> None:
+    corner = np.hypot(400, 400) / 2
+    pulls = []
+    for seed in range(4):
+        network = made_network(6, 50, np.random.default_rng(seed), turned_deg=0.05)
+        bundle = adjusted(with_constants(network, scale, corner_px / corner, 3e-3), solve=solve)
+        rows = constant_rows(bundle.constants, bundle.constants_covariance)
+        assert len(rows) == 1
+        focal, bend = rows[0]["focal_length_factor"], rows[0]["distortion"]
+        assert (focal is None, bend is None) == ("focal-length" not in solve, "distortion" not in solve)
+        if focal:
+            pulls.append((focal["value"] - 1 - scale) / focal["sigma"])
+            assert focal["sigma"] < 0.2 * focal["sigma_before"]
+        if bend:
+            pulls.append((bend["value"] - corner_px) / bend["sigma"])
+            assert bend["sigma"] < 0.6 * bend["sigma_before"]
+    assert np.mean(np.square(pulls)) < 2.5
+    assert np.abs(pulls).max() < 3.5
+
+
+def test_a_focal_length_is_no_better_known_than_the_ranges() -> None:
+    network = with_constants(made_network(5, 40, np.random.default_rng(2)), 0.001, 0.0, 3e-4)
+    priors = network.priors.copy()
+    priors[:, 2, 2] = 0.02**2
+    loose = adjust_bundle(network.wrong, network.cameras, EUROPA, network.ties, priors, FOCAL)
+    assert loose.constants_covariance[0, 0] ** 0.5 == pytest.approx(3e-4, rel=0.05)
+    firm = adjust_bundle(network.wrong, network.cameras, EUROPA, network.ties, network.priors, FOCAL)
+    assert firm.constants_covariance[0, 0] ** 0.5 < 0.7 * 3e-4
+
+
+def test_cameras_are_distinguished_by_name_and_focal_length() -> None:
+    a = made_network(2, 10, np.random.default_rng(1)).cameras[0]
+    b, c = a.model_copy(update={"name": "other"}), a.model_copy(update={"focal_length_px": 1.01 * a.focal_length_px})
+    constants = constants_of([a, b, a, c], FOCAL)
+    assert constants.of_image.tolist() == [0, 1, 0, 2]
+    assert constants.count == 3
+    moved = constants.moved(np.array([1e-3, 2e-3, 3e-3]))
+    at = np.array([[0.0, 0.0]])
+    centre = np.asarray(a.centre_px)
+    for image, scale in enumerate((1e-3, 2e-3, 1e-3, 3e-3)):
+        assert moved.measured_at(image, at) == pytest.approx(centre + (1 + scale) * (at - centre))
+
+
+def test_a_store_of_another_focal_length_gives_the_camera_that_its_poses_need(tmp_path) -> None:
+    chosen = [
+        replace(view, camera=view.camera.model_copy(update={"focal_length_sigma": 3e-3}))
+        for view in paper_views()
+        if view.product in VIEWS[:3]
+    ]
+    stated = {"offset_px": [0.03, 0.03], "range_factor": 1e-4, "roll_deg": 0.01, "attitude_deg": [0.08] * 3}
+    write_albedo_store(
+        tmp_path / "s", chosen, textured(), noise=0.004, stated=stated, subpixels_across=300, focal_length_factor=1.003
+    )
+    known = ControlSettings(points=500, solve=("focal-length",))
+    made = control_store(tmp_path / "s", known)
+    factor = control_report(made)["cameras"][0]["focal_length_factor"]
+    write_control(made, tmp_path / "c")
+    camera = read_camera_file(tmp_path / "c" / f"{chosen[0].camera.name}.toml")
+    print(f"\nfactor {factor}")
+    assert camera.focal_length_px == pytest.approx(factor["value"] * chosen[0].camera.focal_length_px)
+    assert camera.focal_length_sigma == pytest.approx(factor["sigma"])
+    assert factor["sigma"] < factor["sigma_before"]
+    assert abs(factor["value"] - 1.003) < 3 * factor["sigma"]
+
+
+@pytest.mark.parametrize("solve", [(), ("focal-length", "distortion")])
+def test_sparse_and_dense_factors_agree(monkeypatch, solve) -> None:
     network = made_network(8, 40, np.random.default_rng(3))
-    dense = adjusted(network)
+    dense = adjusted(network, solve=solve)
     monkeypatch.setattr("tasks.control.reduced.DENSE", 0)
-    sparse = adjusted(network)
+    sparse = adjusted(network, solve=solve)
+    assert sparse.point_sigma_km == pytest.approx(dense.point_sigma_km, rel=1e-6)
+    assert sparse.constants_covariance == pytest.approx(dense.constants_covariance, rel=1e-6)
     assert sparse.moves == pytest.approx(dense.moves, abs=1e-8)
     assert sparse.covariance == pytest.approx(dense.covariance, rel=1e-6, abs=1e-12)
 

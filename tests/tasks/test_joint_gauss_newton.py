@@ -7,6 +7,7 @@ import pytest
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
+from catalog.rotation import rotation_from_vector_deg
 from lab.simulate.plant import planted
 from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.compare.match import framed_window
@@ -14,12 +15,13 @@ from tasks.joint import JointSettings
 from tasks.joint.blur import SecondMoment
 from tasks.joint.coarse_to_fine import prior_sigmas
 from tasks.joint.cutout import Cutout
-from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still, tiles_at
-from tasks.joint.model import Model, linear_model
+from tasks.joint.gauss_newton import Line, bearable, solve_joint, still, tiles_at
+from tasks.joint.model import Model, axes_across, linear_model
 from tasks.joint.parameters import NAMES, OFFSET, PSF, RANGE, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.surface import fine_surface
 from tasks.joint.tiles import layout_for
+from tasks.simulate.suns import with_sun
 from tasks.simulate.window import Window, disk_radius_px
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
@@ -50,8 +52,8 @@ def test_a_step_is_shortened_to_what_the_linearisation_bears() -> None:
 
 
 def test_each_unknown_has_a_step_that_need_not_be_taken() -> None:
-    assert still(LIMITS).shape == loose(LIMITS).shape == (len(NAMES),)
-    assert (still(LIMITS) < loose(LIMITS)).all()
+    assert still(LIMITS).shape == (len(NAMES),)
+    assert (still(LIMITS) > 0).all()
 
 
 def test_a_planted_error_is_taken_back_and_a_held_one_stays(given: Problem) -> None:
@@ -135,6 +137,49 @@ def test_the_model_changes_as_its_derivatives_say(given: Problem, unknown: int) 
     print(f"{NAMES[unknown]}: slope {slope:.3f}, {left:.3f} of it otherwise")
     assert slope == pytest.approx(1, abs=0.06)
     assert left < 0.35  # a difference over half a degree sees coarser markings than the derivative
+
+
+@pytest.mark.parametrize("phase_deg", [5.0, 40.0, 100.0])
+def test_the_model_changes_with_the_sun_as_its_columns_say(phase_deg: float) -> None:
+    """Central differences of two renderings, the Sun turned about each of the two axes across its direction."""
+    pose = with_sun(TRUTH, 30.0, phase_deg)
+    start, window = State(pose, CAMERA.psf_sigma_px), framed_window(SCENE, pose)
+    tiles = tiles_at(start, SCENE, window, layout_for(disk_radius_px(pose, CAMERA, EUROPA), SETTINGS.tiles))
+
+    def model_at(state: State, sun_deg: float = 0.0) -> Model:
+        return linear_model(SCENE, state, window, tiles, SETTINGS, sun_deg=sun_deg)
+
+    here = model_at(start, 2.0)
+    weights = np.linspace(1.0, 0.4, len(here.bases))
+    columns = here.turned_sun(weights)
+    for column, axis in zip(columns, axes_across(pose.sun_from_target_km), strict=True):
+        suns = [rotation_from_vector_deg(turn * axis) @ pose.sun_from_target_km for turn in (1.0, -1.0)]
+        more, less = (model_at(replace(start, pose=pose.replaced(sun_from_target_km=sun))) for sun in suns)
+        change = (more.picture(weights) - less.picture(weights)) / 2
+        left = float(np.linalg.norm(column - change) / np.linalg.norm(change))
+        print(f"phase {phase_deg:.0f}: {left:.3f} of it otherwise")
+        assert left < 0.2
+    assert len(model_at(start).turned_sun(weights)) == 0
+    assert len(here.columns(weights)) == len(model_at(start).columns(weights)) + 2
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "phase_deg"), [((1.5, 0.0, 0.0), 60.0), ((0.0, -1.5, 0.0), 60.0), ((0.0, 1.0, 1.0), 25.0)]
+)
+def test_a_wrong_sun_moves_the_centre_less_where_its_error_is_known(
+    given: Problem, turn_deg: tuple[float, float, float], phase_deg: float
+) -> None:
+    """Turned about axes of the camera: its direction is as far off as that of a pose found in the image."""
+    pose = with_sun(TRUTH, 30.0, phase_deg)
+    turn = pose.camera_from_j2000.T @ rotation_from_vector_deg(np.array(turn_deg)) @ pose.camera_from_j2000
+    wrong = State(pose.replaced(sun_from_target_km=turn @ pose.sun_from_target_km), CAMERA.psf_sigma_px)
+    seen = replace(given, observation=observation_of(scene_of(CAMERA), pose), metadata=wrong)
+    away = [
+        float(np.hypot(*difference(solve_joint(replace(seen, sun_deg=sun_deg), wrong).state, wrong, CAMERA)[OFFSET]))
+        for sun_deg in (0.0, 2.0)
+    ]
+    print(f"{away[0]:.3f} px off, {away[1]:.3f} with its error known")
+    assert away[1] < 0.6 * away[0]
 
 
 @pytest.mark.parametrize(("length_px", "angle_deg"), [(2.0, 0.0), (3.0, 30.0), (1.5, 120.0)])

@@ -14,7 +14,7 @@ from flows.cli import build_app
 from lab.maps.albedo import blotches, mosaic_figures
 from lab.simulate.albedo_store import paper_views, write_albedo_store
 from tasks.mosaic.build import build_mosaic
-from tasks.mosaic.grid import block_side, mosaic_grid
+from tasks.mosaic.grid import block_side, blocks_per_file, mosaic_grid
 from tasks.mosaic.outputs import write_forms
 from tasks.mosaic.settings import MosaicSettings, pixel_size_km
 from tasks.mosaic.view import load_view
@@ -94,15 +94,29 @@ def test_layers_coordinates_and_attributes_are_as_documented(mosaic) -> None:
     assert json.loads(dataset.attrs["laws"])["all"]["parameters"]["w"] == made.models["all"].values["w"]
 
 
-def test_small_blocks_give_the_same_map(store, mosaic, tmp_path) -> None:
-    settings = MosaicSettings(resolution="2ppd", calibration_sigma=0.05, units_per_if=3000.0, memory_mb=0.01, **LIMITS)
+def test_small_blocks_several_to_a_file_give_the_same_map(store, mosaic, tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("tasks.mosaic.grid.MOST_FILES", 4)
+    settings = MosaicSettings(resolution="2ppd", calibration_sigma=0.05, units_per_if=3000.0, memory_mb=8.0, **LIMITS)
     made = build_mosaic(store[0], tmp_path / "map.zarr", settings)
-    assert block_side(len(made.members), 0.01) < block_side(len(made.members), 256.0)
+    assert block_side(len(made.members), 8.0) == 64
+    assert blocks_per_file(made.grid.shape, 64, 8.0) == 5
     with xr.open_zarr(tmp_path / "map.zarr") as dataset:
         found = dataset.reflectance.values
+        assert dataset.reflectance.encoding["chunks"] == (64, 64)
+        assert dataset.reflectance.encoding["shards"] == (320, 320)
+    files = list((tmp_path / "map.zarr" / "reflectance" / "c").rglob("[0-9]*/[0-9]*"))
+    assert 1 <= len(files) <= 2 * 3  # one that shows nothing is not written
     usual = mosaic[1].reflectance.values
     assert np.array_equal(np.isfinite(found), np.isfinite(usual))
     assert found[np.isfinite(found)] == pytest.approx(usual[np.isfinite(usual)], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("shape", "memory_mb", "several"),
+    [((360, 720), 256.0, 1), ((5760, 11520), 256.0, 2), ((49_000, 98_000), 256.0, 4), ((49_000, 98_000), 1.0, 1)],
+)
+def test_files_of_a_large_map_hold_several_blocks_where_there_is_memory(shape, memory_mb, several) -> None:
+    assert blocks_per_file(shape, 512, memory_mb) == several
 
 
 def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, tmp_path) -> None:

@@ -81,6 +81,12 @@ def test_a_store_is_opened_and_looked_through(view: View, address: str, capsys: 
         view.wait(f"{OPENED}.length === {number + 1}")
         nexts.append(view.page.ask(f"{OPENED}.at(-1).ms"))
     assert view.text("#product-name") == "C0005"
+    requests = "performance.getEntriesByType('resource').map((each) => each.name.split('/api/')[1] ?? '')"
+    view.wait(f"{requests}.some((name) => name.startsWith('products/C0006/opening'))")  # the next one, ahead of time
+    names = view.page.ask(requests)
+    opened = [name.split("?")[0] for name in names if "/opening" in name]
+    assert opened == [f"products/C{number:04d}/opening" for number in range(7)]
+    assert not [name for name in names if "tiles/image" in name]
     hovers = view.page.ask(HOVERED)
     with capsys.disabled():
         print(
@@ -89,6 +95,7 @@ def test_a_store_is_opened_and_looked_through(view: View, address: str, capsys: 
         )
     view.press("k")
     view.wait("document.querySelector('#product-name').textContent === 'C0004'")
+    view.wait(f"{OPENED}.at(-1).product === 'C0004'")
 
 
 def test_layers_stretches_and_views_are_drawn(view: View, address: str, tmp_path: Path) -> None:
@@ -169,6 +176,11 @@ WRONG = ("sigma >", "sigma > big", "sigmma > 1", "(ok", "ok)", "and", '"open', "
 def test_the_exported_page_shows_the_same_without_a_server(view: View, store: Path, tmp_path: Path) -> None:
     folder = tmp_path / "page"
     export_store(store, folder, "C000")
+    table = json.loads((folder / "data/table.json").read_text())
+    table["pictured"].remove("C0003")
+    reason = [column["name"] for column in table["columns"]].index("reason")
+    table["rows"][3][reason] = "no-limb: none is in the frame. Choose another image."
+    (folder / "data/table.json").write_text(json.dumps(table))
     handler = partial(SimpleHTTPRequestHandler, directory=str(folder))
     handler.log_message = lambda *_: None  # type: ignore[attr-defined]
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
@@ -180,6 +192,10 @@ def test_the_exported_page_shows_the_same_without_a_server(view: View, store: Pa
         view.mouse("mouseMoved", x + 3, y)
         view.wait("document.querySelector('#hover').textContent.includes('incidence')")
         assert view.page.ask("document.getElementById('review').hidden")
+        view.click("#tab-sheet")
+        view.wait("[...document.querySelectorAll('#sheet-view img')].filter((each) => each.naturalWidth).length === 9")
+        assert view.text("#sheet-view .missing ~ .why") == "no-limb"
+        view.click("#tab-table")
         table = prepared(store)
         table = table[filtered(table, "C000")].reset_index(drop=True)
         for text in FILTERS:

@@ -19,7 +19,7 @@ from tasks.publish import publish
 from tasks.publish.cube import open_cube
 from viewer.app import FAULT, build_app
 from viewer.export import export_store
-from viewer.planes import Planes, levels_of, reduced
+from viewer.planes import Planes, levels_of, opening_level, reduced
 from viewer.security import Access
 from viewer.serving import listening_socket
 from viewer.table import Table
@@ -71,6 +71,49 @@ def test_tiles_are_the_planes_of_the_cube(client: TestClient, store: Path) -> No
     assert "beyond 90" in client.get("/api/products/C0000/find", params={"place": "95N,3"}).json()["fault"]
     limb = np.array(page["curves"]["after"]["limb"])
     assert np.hypot(*(limb - page["centre_px"]).T) == pytest.approx(60, abs=0.5)
+
+
+@pytest.mark.parametrize("plane", ["image", "latitude", "no_such_plane"])
+def test_an_image_is_opened_by_one_answer(client: TestClient, store: Path, plane: str) -> None:
+    content = client.get("/api/products/C0000/opening", params={"plane": plane}).content
+    length = int(np.frombuffer(content, "<u4", 1)[0])
+    page = json.loads(content[4 : 4 + length])
+    opening = page.pop("opening", None)
+    assert page == client.get("/api/products/C0000").json()
+    assert len(content) % 4 == 0
+    if plane == "no_such_plane":
+        assert (opening, len(content)) == (None, 4 + length)
+        return
+    assert opening == {"plane": plane, "level": 0}
+    values = np.frombuffer(content, "<f4", offset=4 + length).reshape(160, 160)
+    np.testing.assert_array_equal(values, open_cube(store / "C0000" / "cube.zarr")[plane].values.astype(np.float32))
+
+
+def test_tiles_of_a_level_follow_each_other_row_by_row(store: Path) -> None:
+    planes = Planes(store, tile_px=96)
+    whole = planes.plane("C0000", "image")
+    values = np.frombuffer(planes.tiles("C0000", "image", 0), "<f4")
+    parts = [whole[y : y + 96, x : x + 96].ravel() for y in (0, 96) for x in (0, 96)]
+    np.testing.assert_array_equal(values, np.concatenate(parts))
+    assert [opening_level((n, 3)) for n in (160, 1024, 1025, 2048, 5000)] == [0, 0, 1, 1, 3]
+
+
+def test_tiles_of_several_planes_come_together(client: TestClient) -> None:
+    both = client.get("/api/products/C0000/tiles/image,quality/0/0/0").content
+    single = [client.get(f"/api/products/C0000/tiles/{name}/0/0/0").content for name in ("image", "quality")]
+    assert both == b"".join(single)
+
+
+def test_a_small_picture_is_sent_once_while_the_product_stays(tmp_path: Path) -> None:
+    publish(small_publication("C0001"), tmp_path)
+    client, _ = client_of(tmp_path)
+    first = client.get("/api/products/C0001/small.png")
+    assert Image.open(io.BytesIO(first.content)).size == (128, 128)
+    known = {"if-none-match": first.headers["etag"]}
+    again = client.get("/api/products/C0001/small.png", headers=known)
+    assert (again.status_code, again.content) == (304, b"")
+    publish(small_publication("C0001"), tmp_path)
+    assert client.get("/api/products/C0001/small.png", headers=known).status_code == 200
 
 
 def test_reduced_planes_keep_means_and_never_mix_flags() -> None:

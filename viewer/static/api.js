@@ -1,4 +1,5 @@
 // Where the page's data come from: the server, or files beside the page (planetpose view --export).
+import { openingIn, tilesIn } from "./answers.js";
 import { makeFilter } from "./filter.js";
 
 const metaOf = (name) => document.querySelector(`meta[name="planetpose-${name}"]`).content;
@@ -22,14 +23,19 @@ class Server {
   async place(product, asked) { return (await getJson(`api/place?${query({ product, ...asked })}`)).place; }
   points(x, y, text) { return getJson(`api/points?${query({ x, y, text })}`); }
   product(name, side = 0) { return getJson(`api/products/${named(name)}?side=${side}`); }
-  async tile(name, plane, level, column, row, side = 0) {
-    const path = `api/products/${named(name)}/tiles/${plane}/${level}/${column}/${row}?side=${side}`;
-    return new Float32Array(await (await get(path)).arrayBuffer());
+  // The page, and the tiles of a plane at the level that is drawn first.
+  async opening(name, plane) {
+    return openingIn(await (await get(`api/products/${named(name)}/opening?${query({ plane })}`)).arrayBuffer());
+  }
+  // A tile of each of the planes, in one answer.
+  async tiles(name, planes, level, column, row, side = 0) {
+    const path = `api/products/${named(name)}/tiles/${planes.join()}/${level}/${column}/${row}?side=${side}`;
+    return tilesIn(await (await get(path)).arrayBuffer(), planes.length);
   }
   at(name, x, y) { return getJson(`api/products/${named(name)}/at?${query({ x, y })}`); }
   flow(name) { return getJson(`api/products/${named(name)}/flow`); }
   find(name, place) { return getJson(`api/products/${named(name)}/find?${query({ place })}`); }
-  smallPicture(name) { return `api/products/${named(name)}/small.png`; }
+  smallPicture(name) { return `api/products/${named(name)}/small.png`; }  // no picture where there is none
   async post(path, content) {
     const headers = { "content-type": "application/json", "x-planetpose-token": token };
     const response = await fetch(path, { method: "POST", headers, body: JSON.stringify(content ?? {}) });
@@ -48,9 +54,10 @@ class Files {
     const content = await getJson(`${this.base}/table.json`);
     this.names = content.columns.map((column) => column.name);
     this.table = content.rows.map((row) => Object.fromEntries(row.map((value, i) => [this.names[i], value])));
+    this.pictured = new Set(content.pictured);
     this.addNeighbours();
     this.kinds = Object.fromEntries(content.columns.map((column) => [column.name, column.kind]));
-    return { ...content, rows: undefined, images: this.table.length, read_only: true };
+    return { ...content, rows: undefined, pictured: undefined, images: this.table.length, read_only: true };
   }
   // As viewer/table.py has them.
   addNeighbours(names = ["sigma_px", "limb_rms_px"], beside = 4) {
@@ -88,12 +95,14 @@ class Files {
     return { x: list(x), y: list(y), product: list("product"), status: list("status"), camera: list("camera"), every: 1 };
   }
   product(name) { return getJson(`${this.base}/products/${named(name)}/page.json`); }
+  async opening(name) { return { page: await this.product(name), values: null }; }
+  tiles(name, planes, level, column, row) { return Promise.all(planes.map((plane) => this.tile(name, plane, level, column, row))); }
   async tile(name, plane, level, column, row) {
     const response = await get(`${this.base}/products/${named(name)}/${plane}/${level}-${column}-${row}.bin.gz`);
     const stream = response.body.pipeThrough(new DecompressionStream("gzip"));
     return new Float32Array(await new Response(stream).arrayBuffer());
   }
-  smallPicture(name) { return `${this.base}/products/${named(name)}/small.png`; }
+  smallPicture(name) { return this.pictured.has(name) ? `${this.base}/products/${named(name)}/small.png` : null; }
   async refresh() { return {}; }
 }
 

@@ -19,14 +19,18 @@ export class Hover {
     const inside = [column, row].every((place, i) => place >= 0 && place * page.tile_px < page.size_px[i]);
     if (this.picture.page !== page) return;
     const place = inside ? [column, row] : [0, 0];
-    await Promise.all(planesOf(page).map((plane) => this.picture.tiles.wait(page, this.picture.side, plane, 0, ...place)));
+    await this.picture.tiles.wait(page, this.picture.side, planesOf(page), 0, ...place);
   }
 
   values(x, y) {
     const { page, side, tiles } = this.picture, [nx, ny] = page.size_px;
     if (x < 0 || y < 0 || x >= nx || y >= ny) return null;
     const chosen = [this.picture.plane, this.picture.colour].filter((plane) => plane && !PLANES.includes(plane));
-    return Object.fromEntries([...planesOf(page), ...chosen].map((plane) => [plane, tiles.value(page, side, plane, x, y)]));
+    const planes = [...planesOf(page), ...chosen];
+    const place = [Math.floor(x / page.tile_px), Math.floor(y / page.tile_px)];
+    tiles.ask(page, side, planesOf(page), 0, ...place);
+    for (const plane of chosen) tiles.ask(page, side, [plane], 0, ...place);
+    return Object.fromEntries(planes.map((plane) => [plane, tiles.value(page, side, plane, x, y)]));
   }
 
   move(place) {

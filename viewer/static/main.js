@@ -7,9 +7,10 @@ import { Plot, Sheet } from "./plots.js";
 import { Table } from "./table.js";
 import { showSide } from "./side.js";
 
-const PAUSE_MS = 200;
+const PAUSE_MS = 800, OPENINGS = 6;
 const of = (id) => document.getElementById(id);
-const state = { about: null, product: null, place: null, page: null, row: null, next: null };
+const state = { about: null, product: null, place: null, page: null, row: null };
+const openings = new Map();  // of the latest images, and of the next one
 const times = (window.planetposeTimes = { started: performance.timeOrigin, opened: [], hovered: [] });
 
 function fault(error) {
@@ -60,8 +61,10 @@ function showPlaneFault() {
 async function choose(product, place = undefined) {
   state.asked = performance.now();
   state.product = product;
-  const page = state.next?.product === product ? await state.next.coming : await backend.product(product);
+  const opening = await openingOf(product);
   if (state.product !== product) return;
+  picture.take(opening);
+  const { page } = opening;
   await show(page);
   state.place = place ?? await backend.place(product, table.asked);
   table.select(state.place, product);
@@ -85,8 +88,9 @@ async function show(page, keepView = false) {
   showSide(page, page.row);
   const pictured = Boolean(page.size_px);
   of("stage").hidden = !pictured;
-  of("hover").textContent = pictured ? "" : "no picture: the image could not be read so far, see its reason";
+  of("hover").textContent = pictured ? "" : "no picture; see the reason at the side";
   of("unconfirmed").hidden = !page.failed;
+  of("unconfirmed").textContent = `${page.row?.status ?? "failed"}: no pose is confirmed. ${limbInFrame(page) ? "Blue: the limb of the most similar pose" : "The limb is outside the frame"}`;
   for (const layer of ["others", "stars"]) of(`${layer}-box`).hidden = !page[layer]?.length;
   document.querySelector('[data-layer="flow"]').disabled = isStatic;
   for (const id of ["accept", "reject", "note", "undo", "redo"]) of(id).disabled = isStatic || state.about.read_only;
@@ -98,6 +102,10 @@ async function show(page, keepView = false) {
   of("flag").replaceChildren(new Option("none", "0"), ...page.flags.map((flag) => new Option(flag.name, flag.mask, false, flag.mask === picture.flag)));
 }
 
+function limbInFrame(page) {
+  return Boolean(page.curves?.after.limb.some((point) => point && point.every((value, i) => value >= 0 && value < page.size_px[i])));
+}
+
 function fillPlanes(page) {
   const options = (chosen, first) => [...first, ...page.planes.map((each) => new Option(each.name, each.name, false, each.name === chosen))];
   of("plane").replaceChildren(...options(picture.plane, []));
@@ -106,21 +114,28 @@ function fillPlanes(page) {
   of("other").replaceChildren(...options(picture.other, second));
 }
 
-// Once a picture is there: the next image, then what hovering needs.
+// Page and picture of an image, fetched once.
+function openingOf(product) {
+  const found = openings.get(product) ?? backend.opening(product, picture.plane);
+  openings.delete(product);
+  openings.set(product, found);
+  found.catch(() => openings.delete(product));
+  while (openings.size > OPENINGS) openings.delete(openings.keys().next().value);
+  return found;
+}
+
+// Once a picture is there: the next image, then what hovering needs. Who leafs through the images does not hover.
 async function afterFirstPicture(page) {
-  if (!isStatic) await fetchNext(page);
-  await new Promise((wake) => setTimeout(wake, PAUSE_MS));  // who leafs through the images does not hover
+  const pause = new Promise((wake) => setTimeout(wake, PAUSE_MS));
+  await fetchNext(page);
+  if (!of("image").matches(":hover")) await pause;
   if (state.page === page) await hover.prepare(page);
 }
+of("image").addEventListener("pointerenter", () => { if (state.page?.size_px && picture.drawnAt) hover.prepare(state.page); });
 
 async function fetchNext(page) {
   const row = await table.rowAt((state.place ?? -2) + 1).catch(() => null);
-  if (!row || state.page !== page) return;
-  const coming = backend.product(row.product);
-  state.next = { product: row.product, coming };
-  const next = await coming.catch(() => null);
-  if (!next) state.next = null;
-  if (next?.size_px && state.page === page) await picture.tiles.wait(next, picture.side, picture.plane, next.levels - 1, 0, 0);
+  if (row && state.page === page) await openingOf(row.product).catch(() => null);
 }
 
 // Shifts of the markings: some seconds of the server, so only when they are wanted.
@@ -141,7 +156,7 @@ async function step(by) {
 }
 
 async function redone(product) {
-  state.next = null;
+  openings.delete(product);
   const page = await backend.product(product);
   page.version = Date.now();
   if (state.product === product) await show(page, true);
@@ -210,7 +225,7 @@ const open = guarded(async (name) => {
   if (name === "plots") { plot.selected = state.product; await plot.load(table.asked.text); }
 });
 for (const name of VIEWS) of(`tab-${name}`).addEventListener("click", () => open(name));
-of("refresh").addEventListener("click", guarded(async () => { await backend.refresh(); await ask(of("filter").value); }));
+of("refresh").addEventListener("click", guarded(async () => { openings.clear(); await backend.refresh(); await ask(of("filter").value); }));
 
 // Stretch, layers, tools.
 const changed = () => { picture.redraw(); picture.legend(of("legend-bar"), of("legend-text")); };
@@ -251,7 +266,7 @@ async function undo() {
   const before = state.page.decisions ?? [], answer = await backend.undo(state.product);
   taken(answer);
   const undone = answer.decisions.find((each, i) => each.undone && !before[i]?.undone);
-  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product is still the one made with it: Redo makes it without.";
+  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product was still made with it: Redo makes it again without.";
 }
 
 window.addEventListener("hashchange", guarded(async () => {
@@ -261,13 +276,13 @@ window.addEventListener("hashchange", guarded(async () => {
 
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
-  "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
-  "a": ["accept, and go on", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
+  "j": ["next image (also ↓)", () => step(1)], "k": ["previous image (also ↑)", () => step(-1)],
+  "a": ["accept, and show the next image", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
   "n": ["note", () => decide("note")], "u": ["undo the latest decision", undo],
   "w": ["worst first", worstFirst], "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
-  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink with the other plane", () => of("blink").click()],
-  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => help.toggle()],
-  "0": ["whole frame", () => picture.fit()], "9": ["the disk", () => picture.fitDisk()], "+": ["closer", () => picture.zoom(1.5)], "-": ["farther", () => picture.zoom(1 / 1.5)],
+  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink", () => of("blink").click()],
+  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["open Help the correction", () => help.toggle()],
+  "0": ["whole frame", () => picture.fit()], "9": ["whole disk", () => picture.fitDisk()], "+": ["zoom in", () => picture.zoom(1.5)], "-": ["zoom out", () => picture.zoom(1 / 1.5)],
   "?": ["this list", () => of("keys").click()],
 };
 of("key-list").replaceChildren(...Object.entries(KEYS).flatMap(([key, [text]]) => ["dt", "dd"].map((kind, i) => Object.assign(document.createElement(kind), { textContent: [key, text][i] }))));
@@ -289,6 +304,10 @@ document.addEventListener("keydown", (event) => {
 });
 
 guarded(async () => {
+  const wanted = decodeURIComponent(location.hash.slice(1)), likely = wanted || document.querySelector('meta[name="planetpose-first"]').content;
+  if (!isStatic && likely) openingOf(likely).catch(() => null);  // while the table comes
+  const asked = isStatic ? null : table.ask(table.asked);
+  asked?.catch(() => null);
   state.about = await backend.about();
   const name = state.about.store.split(/[\\/]/).pop();
   document.title = `${name} - planetpose view`;
@@ -306,8 +325,8 @@ guarded(async () => {
   }));
   listSaved();
   if (state.about.other) [picture.other, picture.otherSide] = ["image", 1];
-  await ask("");
-  const wanted = decodeURIComponent(location.hash.slice(1)), first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
+  await (asked ?? ask(""));
+  const first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
   if (first) await choose(first, wanted ? undefined : 0);
   else fault("The store holds no images.");
   of("table").focus();

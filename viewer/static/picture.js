@@ -17,6 +17,7 @@ const STYLE = {
 const LARGEST_SCALE = 40;
 const ARROW_PX = 22;  // on the screen, of the longest tenth of the shifts
 const STAR_PX = 7;
+const sampleKey = (page, side, plane) => `${side}/${page.product}/${page.version ?? 0}/${plane}`;
 
 export class Picture {
   constructor(canvas, on) {
@@ -107,17 +108,27 @@ export class Picture {
     if (complete && this.drawnAt === null) { this.drawnAt = performance.now(); this.on.drawn?.(page); }
   }
 
-  // Every tile of a plane that is in sight; whether all were there.
+  // Every tile of a plane that is in sight; whether all were there. Until they are, what came with the page is drawn.
   drawPlane(plane, side, opacity, contour = 0) {
     const { page, context } = this, limits = this.limits(plane, side);
     if (!limits) return Boolean(this.tiles.faults.get(`${page.product}/${plane}`));
-    const ratio = window.devicePixelRatio || 1;
-    const level = Math.min(Math.max(Math.floor(Math.log2(1 / (this.scale * ratio))), 0), page.levels - 1);
+    const ratio = window.devicePixelRatio || 1, first = page.opening?.plane === plane && side === this.side ? page.opening.level : null;
+    let level = Math.min(Math.max(Math.floor(Math.log2(1 / (this.scale * ratio))), 0), page.levels - 1);
+    if (first !== null && level > first) level = first;
     const image = JSON.stringify([limits, this.stretch, contour]);
-    let complete = true;
     context.globalAlpha = opacity;
+    const levels = first === null || level === first || this.hasAll(plane, side, level) ? [level] : [first, level];
+    const complete = levels.map((each) => this.drawLevel(plane, side, each, limits, contour, image));
+    context.globalAlpha = 1;
+    return complete.some(Boolean);
+  }
+
+  hasAll(plane, side, level) { return [...this.inSight(level)].every((place) => this.tiles.get(this.page, side, plane, level, ...place)); }
+
+  drawLevel(plane, side, level, limits, contour, image) {
+    let complete = true;
     for (const [column, row] of this.inSight(level)) {
-      const tile = this.tiles.get(page, side, plane, level, column, row);
+      const tile = this.tiles.get(this.page, side, plane, level, column, row);
       if (!tile) { complete = false; continue; }
       if (tile.image !== image) {
         tile.canvas = painted(tile.values, tile.width, tile.height, plane, limits, this.stretch, contour);
@@ -125,7 +136,6 @@ export class Picture {
       }
       this.drawTile(tile.canvas, level, column, row, tile);
     }
-    context.globalAlpha = 1;
     return complete;
   }
 
@@ -136,26 +146,39 @@ export class Picture {
   }
 
   *inSight(level) {
-    const side = this.page.tile_px * 2 ** level, [nx, ny] = Tiles.size(this.page, level);
+    const side = this.page.tile_px * 2 ** level;
     const [x0, y0] = this.pixelAt([0, 0]), [x1, y1] = this.pixelAt([this.width, this.height]);
-    const last = [nx, ny].map((size) => Math.ceil(size / this.page.tile_px) - 1);
+    const last = Tiles.count(this.page, level).map((count) => count - 1);
     for (let row = Math.max(Math.floor(y0 / side), 0); row <= Math.min(Math.floor(y1 / side), last[1]); row++)
       for (let column = Math.max(Math.floor(x0 / side), 0); column <= Math.min(Math.floor(x1 / side), last[0]); column++) yield [column, row];
   }
 
-  // Limits of a plane, from its coarsest level, which is one tile; null until that is there.
+  // Limits of a plane, from what came with the page or else its coarsest level, which is one tile; null until that is
+  // there.
   limits(plane, side) {
-    const key = `${side}/${this.page.product}/${this.page.version ?? 0}/${plane}`;
+    const key = sampleKey(this.page, side, plane);
     if (!this.statistics.has(key)) {
       const tile = this.tiles.get(this.page, side, plane, this.page.levels - 1, 0, 0);
       if (!tile) return null;
-      if (this.statistics.size > 200) this.statistics.clear();
-      this.statistics.set(key, sampled(tile.values));
+      this.sample(key, tile.values);
     }
     const found = limitsOf(plane.startsWith("simulation") && !side ? "image" : plane, this.statistics.get(key), this.stretch);
     // A simulation is compared with the image: the same greys.
     if (plane.startsWith("simulation") && plane !== this.plane) return this.limits("image", side) ?? found;
     return found;
+  }
+
+  sample(key, values) {
+    if (this.statistics.size > 200) this.statistics.clear();
+    this.statistics.set(key, sampled(values));
+  }
+
+  // A page and the values that came with it.
+  take({ page, values }, side = 0) {
+    if (!values) return;
+    this.tiles.put(page, side, page.opening, values);
+    const key = sampleKey(page, side, page.opening.plane);
+    if (!this.statistics.has(key)) this.sample(key, values);
   }
 
   drawFlags() {

@@ -1,5 +1,5 @@
 // A plot of two columns, linked to the table; and the contact sheet.
-import { backend, isStatic } from "./api.js";
+import { backend } from "./api.js";
 
 const MARKS = { ok: ["#2fc18c", "o"], doubtful: ["#e69f00", "+"] }, OTHERS = ["#ff8c66", "x"], EDGE = 54;
 
@@ -109,15 +109,31 @@ export class Sheet {
   }
 
   button(row, place) {
-    const button = document.createElement("button"), image = new Image(104, 104), label = document.createElement("span");
-    image.loading = "lazy";
-    image.alt = "";
-    if (["ok", "doubtful", ...(isStatic ? [] : ["failed"])].includes(row.status)) image.src = backend.smallPicture(row.product);
+    const button = document.createElement("button"), label = document.createElement("span"), source = backend.smallPicture(row.product);
+    button.append(source ? this.picture(source) : missing(), label);
     label.textContent = `${row.status === "ok" ? "" : `${row.status}: `}${row.product}`;
     label.className = row.status;
-    button.append(image, label);
+    if (row.reason) {
+      const code = document.createElement("span");
+      code.className = "why";
+      code.textContent = row.reason.split(": ")[0];
+      button.append(code);
+    }
     button.title = row.reason ?? row.product;
     button.addEventListener("click", () => this.on.chosen(row.product, place));
     return button;
   }
+
+  picture(source) {
+    const image = new Image(104, 104);
+    image.loading = "lazy";
+    image.alt = "";
+    image.addEventListener("error", () => image.replaceWith(missing()));
+    image.src = source;
+    return image;
+  }
+}
+
+function missing() {
+  return Object.assign(document.createElement("div"), { className: "missing", textContent: "no picture" });
 }

@@ -22,6 +22,7 @@ export class Table {
     const names = (kept ?? SHOWN).filter((name) => columns.some((column) => column.name === name));
     this.columns = names.map((name) => columns.find((column) => column.name === name));
     this.drawHead();
+    this.draw();
   }
 
   toggle(name, shown) {
