@@ -35,7 +35,8 @@ def relief_response(solution: Solution) -> Array:
     problem = solution.problem
     parts = (_limb_pixels(solution), _face_pixels(solution))
     y, x, label, moved = (np.concatenate(each) for each in zip(*parts, strict=True))
-    pulled, count = np.asarray(solution.fit.weight[y, x] * moved, np.float64), ARCS + int(FIRST[-1])
+    pulled = np.asarray(solution.fit.weight[y, x] * moved, np.float64)
+    count = ARCS + int(FIRST[-1])
     direct = np.stack([np.bincount(label, pulled * column[y, x], count) for column in problem.columns])
     right = direct - _through_tiles(solution, y, x, label, pulled, count)
     step = (scaled_inverse(solution.fit.normal) @ right)[MOVING]
