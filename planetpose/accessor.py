@@ -101,8 +101,8 @@ class CubeAccessor:
         kernel: str = "bilinear",
         max_emission_deg: float = 85.0,
     ) -> xr.Dataset:
-        """Image and angles on a map, as `planetpose export --format zarr-map` writes them: variables over (y, x) in
-        metres, with a CF grid mapping.
+        """Image, angles, coordinates, their errors and flags on a map, as `planetpose export --format zarr-map` writes
+        them: variables over (y, x) in metres, with a CF grid mapping.
 
         projection: equirectangular, orthographic or polar-stereographic. resolution_km: side of a pixel (default: the
         image's). kernel: nearest, bilinear or cubic. Raises RefusedError as `planetpose export` does.

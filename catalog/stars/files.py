@@ -53,6 +53,12 @@ class FileCatalog:
         """The file's name."""
         return self.path.name
 
+    def check(self) -> None:
+        """Raise RefusedError where the file is no star catalog. A CSV file that is too large to keep is not read."""
+        text = SUFFIXES.get(self.path.suffix.lower()) == "csv"
+        if not (text and self.path.is_file() and self.path.stat().st_size > WHOLE_TEXT_BYTES):
+            self.stars(Cone(unit_vectors(0.0, 90.0), 1e-6))
+
     def stars(self, cone: Cone | None = None) -> StarTable:
         """Stars within a cone, or all; brightest first. Raises RefusedError naming the file, the fault, the remedy."""
         try:

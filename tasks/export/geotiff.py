@@ -8,9 +8,11 @@ import numpy as np
 from tasks.atomic import file_put_in_place
 from tasks.export.map_image import LAYERS, MapImage
 from tasks.export.source import Source
+from tasks.publish.variables import FLAGS
 
 BLOCK_PX = 256
-UNITS = {"image": "", "incidence": "degree", "emission": "degree", "phase": "degree"}
+DEGREE = "degree"
+WITHOUT_UNIT = ("image", "quality")
 
 
 def write_geotiff(source: Source, mapped: MapImage, path: Path, cloud_optimized: bool = False) -> Path:
@@ -62,8 +64,17 @@ def _fill(file: Any, source: Source, mapped: MapImage) -> None:
     for band, name in enumerate(LAYERS, start=1):
         file.write(mapped.layers[name].astype(np.float32, copy=False), band)
         file.set_band_description(band, name)
-        file.set_band_unit(band, UNITS[name])
+        file.set_band_unit(band, "" if name in WITHOUT_UNIT else DEGREE)
+    file.update_tags(LAYERS.index("quality") + 1, **flag_attributes())
     file.update_tags(**map_attributes(source, mapped))
+
+
+def flag_attributes() -> dict[str, str]:
+    """What the bits of the layer `quality` mean, as CF has it."""
+    return {
+        "flag_masks": " ".join(str(int(flag)) for flag in FLAGS),
+        "flag_meanings": " ".join(str(flag.name).lower() for flag in FLAGS),
+    }
 
 
 def map_attributes(source: Source, mapped: MapImage) -> dict[str, str]:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from tasks.export.map_grid import Array, Bounds, MapGrid, MapProjection, grid_of, map_projection
+from tasks.export.map_places import PLACES, MapPlaces
 from tasks.export.source import Source
 from tasks.project.pixels import project_pixels
 from tasks.project.points import latitude_longitude, pixels_of_points, surface_points, visible
 
-LAYERS = ("image", "incidence", "emission", "phase")
-ANGLES = LAYERS[1:]
+ANGLES = ("incidence", "emission", "phase")
+LAYERS = ("image", *ANGLES, *PLACES)
 KERNELS = ("nearest", "bilinear", "cubic")
 MAX_EMISSION_DEG = 85.0
 PROBE = 400  # places across a projection's extent that tell how far the image reaches
@@ -27,8 +28,9 @@ LARGEST_OVERSAMPLE = 8
 
 @dataclass(frozen=True)
 class MapImage:
-    """layers: by name, float32 (rows, columns), NaN where the image does not show the place: it is hidden, beyond the
-    emission limit, outside the frame, or its pixels are unusable (then the angles stay)."""
+    """layers: by name (LAYERS), float32 (rows, columns), NaN where the image does not show the place: it is hidden,
+    beyond the emission limit, outside the frame, or (the image alone) its pixels are unusable. quality: bits of the
+    nearest pixel."""
 
     grid: MapGrid
     layers: dict[str, NDArray[np.float32]]
@@ -44,8 +46,9 @@ def map_image(
     kernel: str = "bilinear",
     max_emission_deg: float = MAX_EMISSION_DEG,
 ) -> MapImage:
-    """The product's image and angles on a map. resolution_km: side of a pixel (default: that of the image below the
-    spacecraft). Where a map is coarser than the image, several places per pixel are averaged.
+    """The product's image, angles, coordinates with their errors, and flags on a map. resolution_km: side of a pixel
+    (default: that of the image below the spacecraft). Where a map is coarser than the image, several places per pixel
+    are averaged.
 
     Raises RefusedError when the image shows nothing of the body, for an unknown projection or kernel, and when the map
     would be too large.
@@ -65,10 +68,10 @@ def map_image(
     )
     grid = grid_of(wanted, reach_of_image(source, wanted, max_emission_deg))
     oversample = min(max(math.ceil(wanted.step_m / 1e3 / finest_km - 0.25), 1), LARGEST_OVERSAMPLE)
-    image = source.undistorted_image()
+    image, places = source.undistorted_image(), MapPlaces(source)
     layers = {name: np.full(grid.shape, np.nan, np.float32) for name in LAYERS}
     for rows in _blocks(grid.shape[0]):
-        block = _block(source, image, grid, rows, oversample, kernel, max_emission_deg)
+        block = _block(source, image, places, grid, rows, oversample, kernel, max_emission_deg)
         for name, values in block.items():
             layers[name][rows] = values
     return MapImage(grid, layers, kernel, max_emission_deg)
@@ -105,7 +108,14 @@ def _blocks(rows: int) -> Iterator[slice]:
 
 
 def _block(
-    source: Source, image: NDArray[np.float32], grid: MapGrid, rows: slice, oversample: int, kernel: str, limit: float
+    source: Source,
+    image: NDArray[np.float32],
+    places: MapPlaces,
+    grid: MapGrid,
+    rows: slice,
+    oversample: int,
+    kernel: str,
+    limit: float,
 ) -> dict[str, NDArray[np.float32]]:
     """The layers of some rows."""
     latitude, longitude = grid.projection.latitude_longitude(*np.meshgrid(grid.x_m(), grid.y_m()[rows]))
@@ -115,10 +125,11 @@ def _block(
     else:
         fine_rows = slice(rows.start * oversample, rows.stop * oversample)
         fine = np.meshgrid(grid.x_m(oversample), grid.y_m(oversample)[fine_rows])
-        places = seen_places(source, *grid.projection.latitude_longitude(*fine), limit)
-        values = _mean_of_parts(_sampled(image, places["x_px"], places["y_px"], kernel), oversample)
+        parts = seen_places(source, *grid.projection.latitude_longitude(*fine), limit)
+        values = _mean_of_parts(_sampled(image, parts["x_px"], parts["y_px"], kernel), oversample)
         values[~np.isfinite(seen["emission"])] = np.nan
-    return {"image": values, **{name: seen[name].astype(np.float32) for name in ANGLES}}
+    others = {name: seen[name] for name in ANGLES} | places.layers(latitude, longitude, seen["x_px"], seen["y_px"])
+    return {"image": values, **{name: layer.astype(np.float32) for name, layer in others.items()}}
 
 
 def seen_places(source: Source, latitude_deg: Array, longitude_deg: Array, max_emission_deg: float) -> dict[str, Array]:

@@ -4,13 +4,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from catalog.observation import Quality
 from tasks.atomic import folder_put_in_place
 from tasks.export.geotiff import map_attributes
 from tasks.export.map_image import LAYERS, MapImage
 from tasks.export.source import Source
 from tasks.publish.cube import CONVENTIONS, compressor, write_group
-from tasks.publish.variables import BY_NAME
+from tasks.publish.variables import BY_NAME, FLAGS
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,7 +26,7 @@ def map_dataset(source: Source, mapped: MapImage) -> "xr.Dataset":
     import xarray as xr
 
     grid = mapped.grid
-    layers = {name: (("y", "x"), mapped.layers[name], _attributes(name)) for name in LAYERS}
+    layers = {name: (("y", "x"), _values(mapped, name), _attributes(name)) for name in LAYERS}
     crs = grid.projection.crs
     spatial_ref = {**crs.to_cf(), "GeoTransform": " ".join(repr(value) for value in grid.transform.to_gdal())}
     coordinates = {
@@ -49,7 +51,18 @@ def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
     return path
 
 
+def _values(mapped: MapImage, name: str) -> NDArray[Any]:
+    """A layer; flags as whole numbers, those of a pixel off the body where the image does not show the place."""
+    values = mapped.layers[name]
+    if name != "quality":
+        return values
+    return np.where(np.isfinite(values), values, np.float32(Quality.OFF_BODY)).astype(np.uint16)
+
+
 def _attributes(name: str) -> dict[str, Any]:
     kept = ("long_name", "units", "standard_name")
     known = {key: value for key, value in BY_NAME[name].attributes.items() if key in kept}
+    if name == "quality":
+        meanings = " ".join(str(flag.name).lower() for flag in FLAGS)
+        known |= {"flag_masks": [int(flag) for flag in FLAGS], "flag_meanings": meanings}
     return {**known, "grid_mapping": GRID_MAPPING}

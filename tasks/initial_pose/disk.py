@@ -37,9 +37,9 @@ class Disk:
     score: float
 
 
-def find_disks(edges: Edges, settings: LimbSearchSettings) -> list[Disk]:
+def find_disks(edges: Edges, settings: LimbSearchSettings, radius_px: float | None = None) -> list[Disk]:
     """Circles of which much is an edge of brightness that falls outward to a dark sky, the best first, none of them
-    almost the same as a better one; empty where there is none.
+    almost the same as a better one; empty where there is none. radius_px: of the target, where its range is known.
 
     Two points of an edge and its direction at each give a circle (random sample consensus: Fischler and Bolles 1981,
     Commun. ACM 24, 381); what is then counted is the length of limb that other edges cover.
@@ -51,13 +51,20 @@ def find_disks(edges: Edges, settings: LimbSearchSettings) -> list[Disk]:
     xy, inward, weight = edges.xy_px[good], edges.inward[good], weight[good]
     if len(xy) < 8:
         return []
-    circles = drawn_circles(xy, inward, weight, edges.clean.shape, settings)
+    if radius_px is None:
+        circles = drawn_circles(xy, inward, weight, edges.clean.shape, settings)
+    else:
+        # One edge and its direction give a circle of a known radius.
+        circles = np.column_stack([xy + radius_px * inward, np.full(len(xy), radius_px)])
     if not len(circles):
         return []
+    least_deg = ARC_SHARE * settings.known_arc_deg
     scores = np.array([0.0] * len(circles))
     for first in range(0, len(circles), CHUNK):
         part = circles[first : first + CHUNK]
-        scores[first : first + CHUNK] = [limb_length(circle, xy, inward, weight, settings) for circle in part]
+        scores[first : first + CHUNK] = [
+            limb_length(circle, xy, inward, weight, least_deg, settings) for circle in part
+        ]
     found: list[Disk] = []
     order = np.argsort(-scores)
     for index in [*order[:BEST], *elsewhere(circles, scores, order[BEST:])]:
@@ -127,8 +134,11 @@ def drawn_circles(
     return np.column_stack([centre, radius])
 
 
-def limb_length(circle: Array, xy: Array, inward: Array, weight: Array, settings: LimbSearchSettings) -> float:
-    """Length of the circle that edges cover, pixels, each part by the weight of its strongest edge."""
+def limb_length(
+    circle: Array, xy: Array, inward: Array, weight: Array, least_deg: float, settings: LimbSearchSettings
+) -> float:
+    """Length of the circle that edges cover, pixels, each part by the weight of its strongest edge; 0 where they cover
+    less than least_deg of it."""
     centre, radius = circle[:2], circle[2]
     away = xy - centre
     distance = np.linalg.norm(away, axis=1)
@@ -145,7 +155,7 @@ def limb_length(circle: Array, xy: Array, inward: Array, weight: Array, settings
     place = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * bins).astype(int) % bins
     best = np.zeros(bins)
     np.maximum.at(best, place, value)
-    if np.count_nonzero(best) * 360 / bins < ARC_SHARE * settings.arc_deg:
+    if np.count_nonzero(best) * 360 / bins < least_deg:
         return 0.0
     return float(best.sum() * 2 * np.pi * radius / bins)
 

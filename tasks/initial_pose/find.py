@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from catalog.basemap import uniform_map
 from catalog.camera import Camera
+from catalog.errors import RefusedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.reasons import Reason
@@ -19,8 +20,8 @@ from tasks.attitude.solve import AttitudeSettings, find_attitude
 from tasks.initial_pose.limb import Limb
 from tasks.initial_pose.map_search import MapSearch, search_map
 from tasks.initial_pose.outline import Found, find_outline
-from tasks.initial_pose.settings import ImagePoseSettings
-from tasks.initial_pose.time_known import known_by_time, sun_apart_deg
+from tasks.initial_pose.settings import ImagePoseSettings, LimbSearchSettings
+from tasks.initial_pose.time_known import known_by_time, radius_by_time, sun_apart_deg
 from tasks.priors import PriorSettings
 from tasks.simulate import Scene
 from tasks.simulate.suns import with_sun, with_sun_moved
@@ -83,7 +84,8 @@ def find_pose(
     of them covers the time is used (see `known_by_time`). Raises RefusedError `no-limb` or `limb-too-short`.
     """
     camera, target = scene.camera, scene.target
-    found = find_outline(observation, target, settings.limb)
+    kernels = tuple(kernels)
+    found = outline_in(observation, scene, et, settings.limb, kernels)
     limb, sun = found.outline.limb, found.outline.sun
     pose = with_sun(pose_of_limb(limb, camera, target, et), sun.azimuth_deg, sun.phase_deg)
     has_map = bool(np.ptp(scene.basemap.albedo) > 0)
@@ -140,6 +142,20 @@ def find_pose(
         evidence=found_by,
         doubts=doubts,
     )
+
+
+def outline_in(
+    observation: Observation, scene: Scene, et: float | None, settings: LimbSearchSettings, kernels: tuple[Path, ...]
+) -> Found:
+    """The target's outline; where too little of a limb is seen to tell its radius and kernels give the range, by that
+    radius. Raises RefusedError `no-limb` or `limb-too-short`."""
+    try:
+        return find_outline(observation, scene.target, settings)
+    except RefusedError:
+        radius_px = radius_by_time(scene, et, kernels) if kernels else None
+        if radius_px is None:
+            raise
+    return find_outline(observation, scene.target, settings, radius_px)
 
 
 def sun_contradicts_time(apart_deg: float, sigma_deg: float) -> str:

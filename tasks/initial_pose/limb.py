@@ -27,6 +27,8 @@ CENTRE_PX, RADIUS_PX = 0.3, 0.8
 LIT_COSINE = 0.15
 # A body's flattening is solved for where it moves the limb by more than this.
 ROUND_PX = 0.5
+# 1-sigma of a radius by a trajectory's range, relative: what blur and law do to an edge is in the limb's own error.
+KNOWN_SIGMA = 0.003
 
 
 @dataclass(frozen=True)
@@ -51,9 +53,9 @@ class Limb:
         of_edge = RADIUS_PX / self.mean_px
         return float(np.sqrt(max(self.covariance[2, 2] - of_edge**2, 0.0)))
 
-    def with_error(self, sigma_px: float) -> "Limb":
-        """The same limb, its centre and radius known no better than to `sigma_px`."""
-        more = np.diag([sigma_px, sigma_px, sigma_px / self.mean_px]) ** 2
+    def with_error(self, centre_px: float, radius_px: float) -> "Limb":
+        """The same limb, each coordinate of its centre and its radius known no better than to so many pixels."""
+        more = np.diag([centre_px, centre_px, radius_px / self.mean_px]) ** 2
         return replace(self, covariance=self.covariance + more)
 
     @property
@@ -62,12 +64,16 @@ class Limb:
         return self.semi_px * float(np.sqrt(1 - np.hypot(*self.flattening)))
 
 
-def limb_along(edges: Edges, disk: Disk, target: Target, lit_from_deg: float | None = None) -> Limb | None:
+def limb_along(
+    edges: Edges, disk: Disk, target: Target, lit_from_deg: float | None = None, radius_px: float | None = None
+) -> Limb | None:
     """The limb near a disk; None where too little of one is seen. The ellipse is no flatter than the target.
 
     lit_from_deg: position angle that the light comes from; then only the limb's half on that side counts, for on the
-    other one the terminator is the edge that is seen.
+    on the other one the terminator is the edge that is seen. radius_px: of the larger half axis, where the range is
+    known.
     """
+    known = None if radius_px is None else float(np.log(radius_px))
     values = np.array([*disk.centre_px, np.log(disk.radius_px), 0.0, 0.0])
     largest = 1 - min(target.radii_km) / max(target.radii_km)
     solved = None
@@ -80,7 +86,7 @@ def limb_along(edges: Edges, disk: Disk, target: Target, lit_from_deg: float | N
             points = points[np.cos(np.arctan2(away[:, 1], away[:, 0]) - np.radians(lit_from_deg)) > LIT_COSINE]
         if len(points) < FEWEST_POINTS:
             return None
-        solved = fitted(points, values, largest if largest * radius > ROUND_PX else 0.0)
+        solved = fitted(points, values, largest if largest * radius > ROUND_PX else 0.0, known)
         values = solved[0]
     if solved is None:
         return None
@@ -132,9 +138,12 @@ def points_along(edges: Edges, values: Array, reach: float) -> Array:
     return np.asarray((centre + away[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))[good])
 
 
-def fitted(points: Array, start: Array, largest: float) -> tuple[Array, Array, float, NDArray[np.bool_]]:
+def fitted(
+    points: Array, start: Array, largest: float, known: float | None = None
+) -> tuple[Array, Array, float, NDArray[np.bool_]]:
     """Robust ellipse (5,) through points (n, 2), its covariance (3, 3) of centre and logarithm of the half axis, the
-    scatter, and which points lie within three times of it. largest: of the flattening; 0 holds a circle."""
+    scatter, and which points lie within three times of it. largest: of the flattening; 0 holds a circle. known:
+    logarithm of the half axis, by a known range."""
     from scipy.optimize import least_squares
 
     solve = 5 if largest > 0 else 3
@@ -144,6 +153,8 @@ def fitted(points: Array, start: Array, largest: float) -> tuple[Array, Array, f
         full = np.concatenate([values, np.zeros(5 - len(values))])
         away = points - full[:2]
         miss = np.hypot(*away.T) - radius_at(full, np.arctan2(away[:, 1], away[:, 0]))
+        if known is not None:
+            miss = np.append(miss, 0.3 * np.sqrt(TOGETHER) * (values[2] - known) / KNOWN_SIGMA)
         if len(values) == 3:
             return np.asarray(miss)
         # The flattening is between none and the body's own; a short arc leaves it in the middle.

@@ -26,6 +26,9 @@ ROUNDS, ROUND_PX, LIKE_NONE = 2, 0.2, 0.5
 # Where the terminator is nowhere farther inside the limb than this share of the radius, the edge all round the disk is
 # nearly the limb's.
 NEARLY_FULL = 0.1
+# Half an ellipse that is that much inside the limb moves the centre by so many times that (Lommel-Seeliger, 10 to 24
+# deg of phase, its phase found to some degrees: 1.3 to 3 times).
+TERMINATOR_TIMES = 2.0
 # Of less of a sunlit limb the edge all round the disk says more.
 SHORT_DEG = 45.0
 # Of another disk that is as good as this share of the best, the target may be either.
@@ -58,44 +61,53 @@ class Found:
     rival: Outline | None
 
 
-def find_outline(observation: Observation, target: Target, settings: LimbSearchSettings) -> Found:
-    """The outline of the target anywhere in the frame.
+def find_outline(
+    observation: Observation, target: Target, settings: LimbSearchSettings, radius_px: float | None = None
+) -> Found:
+    """The outline of the target anywhere in the frame. radius_px: of its disk, where the range is known; a short arc
+    then tells the centre.
 
     Raises RefusedError `no-limb` where no edge in the frame is the limb of a body, `limb-too-short` where what is seen
     of it leaves its radius unknown.
     """
     edges = edges_of(observation, settings.edge_sigmas)
-    outlines = [each for disk in find_disks(edges, settings)[:CANDIDATES] if (each := outline_of(edges, disk, target))]
+    disks = find_disks(edges, settings, radius_px)[:CANDIDATES]
+    outlines = [each for disk in disks if (each := outline_of(edges, disk, target, radius_px))]
     outlines.sort(key=lambda each: -each.quality)
-    borne_out = [each for each in outlines if is_borne_out(each, settings)]
+    least_deg = settings.arc_deg if radius_px is None else settings.known_arc_deg
+    least_share = settings.disk_share if radius_px is None else 0.0
+    borne_out = [
+        each for each in outlines if is_borne_out(each, least_deg, settings) and each.sun.disk_share >= least_share
+    ]
     if not borne_out:
         short = next((each for each in outlines if is_lit_disk(each, settings)), None)
-        raise limb_missing(short, settings)
+        raise limb_missing(short, least_deg, settings)
     best = borne_out[0]
     others = [each for each in borne_out[1:] if is_apart(each, best) and each.quality > RIVAL_SHARE * best.quality]
     return Found(best, others[0] if others else None)
 
 
-def outline_of(edges: Edges, disk: Disk, target: Target) -> Outline | None:
+def outline_of(edges: Edges, disk: Disk, target: Target, radius_px: float | None = None) -> Outline | None:
     """The outline near a disk; None where there is no limb, or too little of disk and sky."""
-    limb = limb_along(edges, disk, target)
+    limb = limb_along(edges, disk, target, None, radius_px)
     sun = None if limb is None else sun_of_disk(edges, limb)
+    nearly_full = False
     for _ in range(ROUNDS):
         if limb is None or sun is None:
             return None
         if limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg))) < ROUND_PX or sun.likeness < LIKE_NONE:
             break
         whole, inside_px = limb, limb.mean_px * (1 - np.cos(np.radians(sun.phase_deg)))
-        limb = limb_along(edges, Disk(limb.centre_px, limb.mean_px, disk.score), target, sun.azimuth_deg)
+        limb = limb_along(edges, Disk(limb.centre_px, limb.mean_px, disk.score), target, sun.azimuth_deg, radius_px)
         if (limb is None or limb.arc_deg < SHORT_DEG) and inside_px < NEARLY_FULL * whole.mean_px:
             # The sunlit half lies outside the frame: what is seen is the terminator, no more than that inside the limb.
-            limb = whole.with_error(inside_px)
+            limb, nearly_full = whole.with_error(TERMINATOR_TIMES * inside_px, inside_px), True
             break
         sun = None if limb is None else sun_of_disk(edges, limb)
     if limb is None or sun is None:
         return None
     outside = lit_outside(edges, limb.centre_px, limb.mean_px)
-    lit, sky = lit_share(edges, limb, sun), sky_share(edges, limb, sun)
+    lit, sky = lit_share(edges, limb, None if nearly_full else sun), sky_share(edges, limb, sun)
     length = limb.mean_px * np.radians(limb.arc_deg)
     quality = float(length * max(sun.likeness, 0.0) ** 4 * lit * max(1 - outside, 0.0))
     return Outline(limb, sun, quality, lit, sky, outside)
@@ -111,9 +123,10 @@ def is_lit_disk(outline: Outline, settings: LimbSearchSettings) -> bool:
     )
 
 
-def is_borne_out(outline: Outline, settings: LimbSearchSettings) -> bool:
-    """Whether an outline is a lit body's before a dark sky, and its radius known."""
-    enough = outline.limb.arc_deg >= settings.arc_deg and outline.limb.arc_sigma <= settings.radius_sigma
+def is_borne_out(outline: Outline, least_deg: float, settings: LimbSearchSettings) -> bool:
+    """Whether an outline is a lit body's before a dark sky, at least so many degrees of it are seen, and its radius is
+    known."""
+    enough = outline.limb.arc_deg >= least_deg and outline.limb.arc_sigma <= settings.radius_sigma
     return enough and is_lit_disk(outline, settings)
 
 
@@ -123,11 +136,11 @@ def is_apart(outline: Outline, other: Outline) -> bool:
     return apart > max(outline.limb.semi_px, other.limb.semi_px)
 
 
-def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
-    """How much of the limb's sunlit half within the frame, on pixels that have a value, was seen as an edge; of the
-    whole disk's edge where none of that half is in the frame."""
+def lit_share(edges: Edges, limb: Limb, sun: SunInDisk | None) -> float:
+    """How much of the limb's sunlit half (sun None: of all of it) within the frame, on pixels that have a value, was
+    seen as an edge."""
     bins = np.radians(np.arange(0.0, 360.0, 5.0) + 2.5)
-    lit = np.cos(bins - np.radians(sun.azimuth_deg)) > 0.2
+    lit = np.full(len(bins), True) if sun is None else np.cos(bins - np.radians(sun.azimuth_deg)) > 0.2
     x = limb.centre_px[0] + limb.mean_px * np.cos(bins)
     y = limb.centre_px[1] + limb.mean_px * np.sin(bins)
     ny, nx = edges.clean.shape
@@ -136,7 +149,7 @@ def lit_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
     away = limb.points_px - limb.centre_px
     seen = np.zeros(len(bins), bool)
     seen[(np.degrees(np.arctan2(away[:, 1], away[:, 0])) % 360 / 5).astype(int) % len(bins)] = True
-    wanted = lit & inside if (lit & inside).any() else inside
+    wanted = lit & inside
     return float((seen & wanted).sum() / wanted.sum()) if wanted.any() else 0.0
 
 
@@ -153,8 +166,8 @@ def sky_share(edges: Edges, limb: Limb, sun: SunInDisk) -> float:
     return float(np.median(outside) / max(float(np.median(inside)), 1e-12))
 
 
-def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> RefusedError:
-    """Why no outline is known. short: a lit disk of whose limb too little is seen."""
+def limb_missing(short: Outline | None, least_deg: float, settings: LimbSearchSettings) -> RefusedError:
+    """Why no outline is known. short: a lit disk of whose limb too little is seen; least_deg: what is needed of it."""
     if short is None:
         return RefusedError(
             Reason.NO_LIMB,
@@ -162,10 +175,12 @@ def limb_missing(short: Outline | None, settings: LimbSearchSettings) -> Refused
             f"{2 * settings.least_radius_px:g} px and crescents thinner than {CRESCENT_PX} px are not looked for).",
             REMEDY,
         )
+    limb, share = short.limb, short.sun.disk_share
     return RefusedError(
         Reason.LIMB_TOO_SHORT,
-        f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
-        f"their scatter leaves its radius to {short.limb.arc_sigma:.1%} (needed: {settings.arc_deg:g} deg and "
-        f"{settings.radius_sigma:.0%}).",
+        f"only {limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * limb.mean_px:.0f} px across ({share:.0%} "
+        f"of it in the frame); their scatter leaves its radius to {limb.arc_sigma:.1%} (needed: {least_deg:g} deg, "
+        f"{settings.disk_share:.0%} and {settings.radius_sigma:.0%}; with a range from kernels "
+        f"{settings.known_arc_deg:g} deg).",
         REMEDY,
     )

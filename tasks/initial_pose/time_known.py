@@ -42,6 +42,20 @@ def known_by_time(pose: Pose, scene: Scene, et: float | None, kernels: Iterable[
     return ByTime(sun, range_km, "ephemeris" if sun is not None else None)
 
 
+def radius_by_time(scene: Scene, et: float | None, kernels: Iterable[Path]) -> float | None:
+    """Radius of the target's disk in the middle of the frame, pixels, by the range of kernels that cover the time; None
+    where none does."""
+    position = None
+    if et is not None:
+        position = pose_parts_from_spice(scene.camera, scene.target, et, kernels).parts.target_from_spacecraft_km
+    if position is None:
+        return None
+    range_km, radius_km = float(np.linalg.norm(position)), (scene.target.radii_km[0] + scene.target.radii_km[1]) / 2
+    if range_km <= radius_km:
+        return None
+    return float(scene.camera.focal_length_px * radius_km / np.sqrt(range_km**2 - radius_km**2))
+
+
 def sun_by_orbit(naif_id: int, et: float) -> Array | None:
     """The Sun (3,) relative to a planet or a planet's moon, km, J2000, at TDB seconds past J2000; None for others."""
     planet = PLANETS.get(naif_id // 100) if 100 < naif_id < 1000 else None

@@ -4,6 +4,7 @@ A digest finds damage, the table of variables finds what should never have been 
 pose finds planes that belong to another one.
 """
 
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from tasks.publish.checksums import checksum_faults
 from tasks.publish.contained import DAMAGE, faults_of_place
 from tasks.publish.cube import open_cube
 from tasks.publish.cube_model import models_in
+from tasks.publish.index import product_folders
 from tasks.publish.names import CUBE, RESULT, SETTINGS
 from tasks.publish.step import STEP
 from tasks.publish.variables import cube_faults
@@ -55,13 +57,23 @@ class Fault:
 def products_in(path: Path) -> list[Path]:
     """The product folders that a path means: itself, or those in a store. Raises RefusedError when there are none."""
     path = Path(path)
-    if (path / CUBE).is_dir() or (path / RESULT).is_file():
+    if is_one_product(path):
         return [path]
-    found = sorted(p for p in path.iterdir() if p.is_dir() and p.name[:1] != ".") if path.is_dir() else []
-    products = [folder for folder in found if any((folder / name).exists() for name in (CUBE, RESULT, RECORD_FILE))]
+    names = sorted(product_folders(path)) if path.is_dir() else []
+    products = [path / name for name in names if has_product_files(path / name)]
     if not products:
         raise RefusedError(Reason.PRODUCT_MISSING, f"{path} holds no product.", "Give a store or a product's folder.")
     return products
+
+
+def is_one_product(path: Path) -> bool:
+    """Whether a folder is a product, and not a store of them."""
+    return (path / CUBE).is_dir() or (path / RESULT).is_file()
+
+
+def has_product_files(folder: Path) -> bool:
+    """Whether a folder of a store holds a product, or what is left of one."""
+    return any(os.path.exists(os.path.join(folder, name)) for name in (CUBE, RESULT, RECORD_FILE))
 
 
 def product_faults(folder: Path) -> list[Fault]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
-from catalog.observation import Observation
+from catalog.observation import Observation, Quality
 from catalog.reasons import Reason
 from catalog.stars.observer import Observer
 from catalog.stars.source import StarCatalog
@@ -80,7 +80,7 @@ def find_stars(
         settings.identification,
     )
     faint = None if lock is None else faint_matches(camera, lock, seen, strong)
-    why = None if lock else _why(int(sure[:strong].sum()), false_alarm, settings)
+    why = None if lock else _why(int(sure[:strong].sum()), saturated_spots(observation), false_alarm, settings)
     return StarField(sources, xy, sigma, sensor.model, catalog.name, lock, false_alarm, why, strong, faint)
 
 
@@ -104,10 +104,19 @@ def pixel_scale(model: DistortionModel) -> float:
     return float(np.sqrt(np.prod(lengths))) if np.isfinite(lengths).all() else 1.0
 
 
-def _why(stars: int, false_alarm: float, settings: StarSettings) -> str:
+def saturated_spots(observation: Observation) -> int:
+    """How many groups of saturated pixels a frame has."""
+    import cv2
+
+    saturated = (observation.quality & np.uint16(Quality.SATURATED)) != 0
+    return int(cv2.connectedComponents(saturated.astype(np.uint8))[0]) - 1 if saturated.any() else 0
+
+
+def _why(stars: int, saturated: int, false_alarm: float, settings: StarSettings) -> str:
     least = settings.identification.least_stars
     if stars < least:
-        return f"{Reason.STARS_TOO_FEW}: {stars} star images stand out, {least} are needed."
+        spots = f" {saturated} saturated spots are not measured: a shorter exposure may serve." if saturated else ""
+        return f"{Reason.STARS_TOO_FEW}: {stars} star images stand out, {least} are needed.{spots}"
     bar = settings.identification.largest_false_alarm
     return (
         f"{Reason.STARS_NOT_IDENTIFIED}: of {stars} star images no group agrees with the catalog better than chance: "

@@ -131,6 +131,43 @@ def test_a_short_arc_is_refused_as_what_it_is() -> None:
     assert refusal.value.code in ("no-limb", "limb-too-short")
 
 
+@pytest.mark.parametrize(
+    ("centre", "radius", "azimuth_deg", "law"),
+    [
+        ((-230.4, 110.2), 270.0, 0.0, lambert),
+        ((-280.4, 110.2), 320.0, 30.0, lommel_seeliger),
+        ((131.0, 420.6), 240.0, 240.0, lommel_seeliger),
+        ((470.3, 330.8), 300.0, 215.0, lambert),
+    ],
+)
+def test_a_short_arc_gives_the_centre_where_the_range_is_known(centre, radius, azimuth_deg, law) -> None:  # type: ignore[no-untyped-def]
+    """Without its radius the same arc is refused. A radius that is none of the frame's finds nothing."""
+    seen = observed(disk(centre, radius, azimuth_deg, 40.0, law))
+    with pytest.raises(RefusedError):
+        find_outline(seen, EUROPA, SETTINGS.limb)
+    limb = find_outline(seen, EUROPA, SETTINGS.limb, radius).outline.limb
+    off, sigma = limb.centre_px - np.array(centre), np.sqrt(np.diag(limb.covariance))
+    print(f"{limb.arc_deg:.0f} deg: {off.round(2)} +- {sigma[:2].round(2)} px")
+    assert (np.abs(off) < np.minimum(4 * sigma[:2], 6.0)).all()
+    assert abs(np.log(limb.mean_px / radius)) < 0.01
+    with pytest.raises(RefusedError):
+        find_outline(seen, EUROPA, SETTINGS.limb, 0.3 * radius)
+
+
+@pytest.mark.parametrize(("phase_deg", "azimuth_deg"), [(10.0, 0.0), (20.0, 20.0), (24.0, 340.0)])
+def test_a_nearly_full_disk_is_found_whose_sunlit_limb_is_outside_the_frame(
+    phase_deg: float, azimuth_deg: float
+) -> None:
+    """What is seen of its edge is the terminator, and the limb's error says so."""
+    centre = np.array([SIZE[0] - 4.0, 113.0])
+    limb = find_outline(
+        observed(disk(centre, 80.0, azimuth_deg, phase_deg, lommel_seeliger)), EUROPA, SETTINGS.limb
+    ).outline.limb
+    sigma = np.sqrt(np.diag(limb.covariance))
+    assert (np.abs(limb.centre_px - centre) < 3 * sigma[:2]).all()
+    assert abs(limb.mean_px / 80.0 - 1) < 3 * sigma[2] < 0.4
+
+
 @pytest.mark.parametrize("frame", [noise_alone, surface_alone, stars])
 def test_a_frame_without_any_limb_is_not_refused_for_a_short_one(frame) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(RefusedError) as refusal:
@@ -195,6 +232,7 @@ def test_the_maps_markings_give_the_orientation(phase_deg: float, azimuth_deg: f
     suns = [axes_of(p) @ p.camera_from_j2000 @ p.sun_from_target_km for p in (found.pose, truth)]
     cosine = suns[0] @ suns[1] / np.linalg.norm(suns[0]) / np.linalg.norm(suns[1])
     assert np.degrees(np.arccos(cosine)) < 4 * found.sun_sigma_deg
+    assert 0 < found.priors.sun_deg <= found.sun_sigma_deg
     assert [doubt.partition(":")[0] for doubt in found.doubts] == ["time-unknown"]
 
 

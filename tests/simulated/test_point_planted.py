@@ -25,6 +25,7 @@ from catalog.pose import Pose
 from lab.simulate.plant import planted, pose_error
 from tasks.correction import Correction
 from tasks.point import PointSettings, find_pointing
+from tasks.point.loop import share_in_frame
 
 CAMERA = small_camera(diameter_px=120)
 SCENE = scene_of(CAMERA, oversample=3)
@@ -82,6 +83,26 @@ def test_a_disk_half_out_of_the_frame_is_found(centre_px: tuple[float, float]) -
     found = find_pointing(observation_of(SCENE, truth), wrong, SCENE, PointSettings())
     print(f"disk centred at {centre_px}: error {error_px(found, truth):.4f} px")
     assert error_px(found, truth) < BAR_PX
+
+
+@pytest.mark.parametrize(
+    ("centre_px", "sun_azimuth_deg"), [((-262.0, 104.0), 0.0), ((-262.0, 60.0), 50.0), ((110.0, -268.0), 120.0)]
+)
+def test_an_arc_of_the_limb_is_found_where_the_pose_has_no_more_in_the_frame(
+    centre_px: tuple[float, float], sun_azimuth_deg: float
+) -> None:
+    """A few per cent of a disk without markings. A pose that has the whole disk in the frame looks for no arc."""
+    camera = small_camera(diameter_px=600)
+    scene = scene_of(camera, basemap=uniform_map(), oversample=2)
+    truth = true_pose(camera, centre_px, sun_azimuth_deg=sun_azimuth_deg)
+    seen = observation_of(scene, truth)
+    assert share_in_frame(truth, scene) < 0.1
+    found = find_pointing(seen, planted(truth, camera, (7.0, -5.0), 1, (0, 0, 0)), scene, PointSettings())
+    error = pose_error(found.pose, truth, camera, EUROPA).centre_px
+    print(f"disk centred at {centre_px}: error {np.hypot(*error):.3f} px")
+    assert np.hypot(*error) < 0.5
+    with pytest.raises(RefusedError):
+        find_pointing(seen, truth, scene, PointSettings(arc_overlap=1.0))
 
 
 def test_noise_and_unusable_pixels_do_not_mislead() -> None:

@@ -20,6 +20,7 @@ from catalog.observation import Quality
 from catalog.readers import read_frame
 from catalog.rotation import rotation_from_vector_deg
 from tasks.export.fits import write_backplanes
+from tasks.export.map_image import LAYERS
 from tasks.export.pixels import Selection, pixel_table
 from tasks.export.products import export_products
 from tasks.export.settings import FORMATS, ExportSettings
@@ -145,7 +146,7 @@ def test_the_sky_of_a_fits_file_is_that_of_the_pose(store, tmp_path):
 @pytest.mark.parametrize("kind", ["geotiff", "cog"])
 def test_gdal_finds_named_bands_the_bodys_crs_and_nodata(files, kind):
     with rasterio.open(files[kind]) as file:
-        assert file.descriptions == ("image", "incidence", "emission", "phase")
+        assert file.descriptions == LAYERS
         assert np.isnan(file.nodata)
         crs = CRS.from_wkt(file.crs.to_wkt())
         assert crs.ellipsoid.semi_major_metre == 1560800

@@ -7,6 +7,7 @@ from small_product import EUROPA, pose_of, small_publication
 from catalog.errors import RefusedError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from tasks.export.geotiff import write_geotiff
 from tasks.export.map_grid import body_crs, grid_of, map_projection
 from tasks.export.map_image import LAYERS, map_image
 from tasks.export.source import read_source
@@ -197,3 +198,73 @@ def test_a_cube_of_raw_pixels_is_mapped_from_the_undistorted_frame_with_its_unus
     row, column = np.unravel_index(np.nanargmax(mapped.layers["image"]), grid.shape)
     assert abs(row + 0.5 - (grid.y0_m - y_m) / grid.step_m) <= 1
     assert abs(column + 0.5 - (x_m - grid.x0_m) / grid.step_m) <= 1
+
+
+def test_coordinates_and_their_errors_are_those_of_the_cube_where_it_has_the_place(tmp_path) -> None:
+    """Across 0/360 too: the cube's own planes (made pixel by pixel) at the pixel that shows each place of the map."""
+    source = spot_product(tmp_path, looking_at(15.0, 0.0), [])
+    mapped = map_image(source, "equirectangular", max_emission_deg=60)
+    layers, grid = mapped.layers, mapped.grid
+    shown = np.isfinite(layers["emission"])
+    assert all(np.array_equal(np.isfinite(layers[name]), shown) for name in LAYERS if name != "image")
+    latitude, longitude = grid.projection.latitude_longitude(*np.meshgrid(grid.x_m(), grid.y_m()))
+    assert np.array_equal(layers["latitude"][shown], latitude[shown].astype(np.float32))
+    assert np.array_equal(layers["longitude"][shown], longitude[shown].astype(np.float32))
+    assert layers["longitude"][shown].min() < 10 < 350 < layers["longitude"][shown].max()
+    assert (np.diff(layers["longitude"][grid.shape[0] // 2][shown[grid.shape[0] // 2]]) % 360 < 180).all()
+    xy = pixels_of_points(source.pose, source.camera, surface_points(EUROPA, latitude[shown], longitude[shown]))
+    x, y = np.rint(xy).astype(int).T
+    step = np.degrees(grid.step_m / 1e3 / EUROPA.mean_radius_km)
+    turn = (source.cube["longitude"].values[y, x] - layers["longitude"][shown] + 180) % 360 - 180
+    assert np.abs(turn).max() < 3 * step
+    for name in ("latitude_uncertainty", "longitude_uncertainty"):
+        assert layers[name][shown] == pytest.approx(source.cube[name].values[y, x], rel=0.15)
+    assert np.array_equal(layers["quality"][shown], source.cube["quality"].values[y, x].astype(np.float32))
+
+
+def test_flags_are_those_of_the_nearest_pixel_also_of_a_cube_of_raw_pixels(tmp_path) -> None:
+    pose = looking_at(20.0, 130.0)
+    plain = small_publication("S", pose_after=pose).observation
+    y, x = np.indices(plain.image.shape)
+    places = np.stack([3.0 + 0.96 * x, 2.0 + 0.97 * y], axis=-1)
+    quality = np.zeros(plain.image.shape, np.uint16)
+    quality[60:100, 60:100] = Quality.SUSPECT
+    sensor = SensorFrame(Observation(np.full_like(plain.image, 5), np.ones_like(plain.image), quality), places)
+    publication = small_publication("S", pose_after=pose, observation=plain, sensor=sensor)
+    write_cube(cube_dataset(publication), tmp_path / "cube.zarr")
+    source = read_source(tmp_path)
+    layers = map_image(source, "orthographic").layers
+    shown = np.isfinite(layers["emission"])
+    where = surface_points(EUROPA, layers["latitude"][shown], layers["longitude"][shown])
+    column, row = ((pixels_of_points(pose, source.camera, where) - [3.0, 2.0]) / [0.96, 0.97]).T
+    deep = (np.abs(column - 79.5) < 19) & (np.abs(row - 79.5) < 19)
+    away = (np.abs(column - 79.5) > 22) | (np.abs(row - 79.5) > 22)
+    flags = layers["quality"][shown].astype(int)
+    assert (flags[deep] & int(Quality.SUSPECT)).all()
+    assert not (flags[away] & int(Quality.SUSPECT)).any()
+
+
+@pytest.mark.parametrize("form", ["geotiff", "cog"])
+def test_gdal_reads_named_bands_with_units_flags_and_crs(tmp_path, form) -> None:
+    import rasterio
+
+    source = spot_product(tmp_path, looking_at(5.0, 359.0), [(0.0, 0.5)])
+    mapped = map_image(source)
+    path = write_geotiff(source, mapped, tmp_path / "m.tif", cloud_optimized=form == "cog")
+    with rasterio.open(path) as file:
+        assert file.descriptions == LAYERS
+        units = dict(zip(LAYERS, file.units, strict=True))
+        assert [name for name in LAYERS if units[name] != "degree"] == ["image", "quality"]
+        assert np.isnan(file.nodata)
+        assert "EUROPA" in file.crs.to_wkt().upper()
+        for band, name in enumerate(LAYERS, start=1):
+            assert np.array_equal(file.read(band), mapped.layers[name], equal_nan=True)
+        meanings = file.tags(LAYERS.index("quality") + 1)
+        assert len(meanings["flag_masks"].split()) == len(meanings["flag_meanings"].split()) == len(Quality)
+        # The brightest pixel is where GDAL's own transformation has the spot that was planted, beyond the seam.
+        row, column = np.unravel_index(np.nanargmax(file.read(1)), file.shape)
+        x, y = file.xy(row, column)
+        latitude, longitude = mapped.grid.projection.latitude_longitude(np.array(x), np.array(y))
+        step = np.degrees(mapped.grid.step_m / 1e3 / EUROPA.mean_radius_km)
+        assert abs(float(latitude)) < step
+        assert abs((float(longitude) - 0.5 + 180) % 360 - 180) < step

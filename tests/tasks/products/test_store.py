@@ -282,6 +282,26 @@ def test_the_benchmark_of_the_index_opens_every_row_here_and_in_a_new_process():
     assert figures["open_s"] > 0
 
 
+def test_a_sample_of_a_large_store_looks_into_few_folders(tmp_path, monkeypatch):
+    from tasks.objectstore import checked
+
+    for number in range(40):
+        (tmp_path / f"P{number}").mkdir()
+        if number % 2:
+            (tmp_path / f"P{number}" / "record.json").touch()
+    looked = []
+    look = checked.has_product_files
+    monkeypatch.setattr(checked, "has_product_files", lambda folder: looked.append(folder) or look(folder))
+    found = checked.chosen_folders(tmp_path, 3, None)
+    assert len(found) == 3
+    assert all(int(folder.name[1:]) % 2 for folder in found)
+    assert len(looked) < 40
+    assert len(checked.chosen_folders(tmp_path, 100, None)) == 20
+    assert checked.chosen_folders(tmp_path, 3, "P99") == []
+    with pytest.raises(RefusedError, match="holds no product"):
+        checked.chosen_folders(tmp_path / "P0", 3, None)
+
+
 def test_a_check_takes_a_sample_or_goes_on_after_a_product(store):
     from tasks.objectstore.checked import chosen, each_checked
 
