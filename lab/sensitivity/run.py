@@ -45,9 +45,9 @@ class Outcome:
 @dataclass(frozen=True)
 class Row:
     """One threshold times `factor`: its value; moved_sigmas: the largest change of centre, limb or orientation, in the
-    sigmas of the settings as they are; widened: the largest change of a stated sigma, relative; rms_px: errors of centre
-    and limb of all images; rms_z: all errors over their sigmas; doubts, failed: images; verdicts: images whose doubt
-    or failure is not that of the settings as they are."""
+    sigmas of the settings as they are; widened: the largest change of a stated sigma, relative; rms_px: errors of
+    centre and limb of all images; rms_z: all errors over their sigmas; doubts, failed: images; verdicts: images whose
+    doubt or failure is not that of the settings as they are."""
 
     name: str
     default: Any
@@ -59,6 +59,11 @@ class Row:
     doubts: int
     failed: int
     verdicts: int = 0
+
+    @property
+    def weight(self) -> float:
+        """The largest of the changes; a changed verdict counts as 1."""
+        return max(abs(self.moved_sigmas), abs(self.widened), self.verdicts)
 
 
 def threshold_names() -> list[str]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_errors import EDGE_PX, coherent_px, shared_along
+from tasks.compare.limb_errors import coherent_px, most_coherent_px, shared_along
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.joint.displaced_markings import UNSEEN, terms
@@ -106,7 +106,7 @@ def observation_of_edges(edges: LimbEdges, centre_px: Array) -> LimbObservation:
     left_by = np.stack(shown, axis=1)
     left_by = left_by - found.design @ np.linalg.lstsq(found.design, left_by, rcond=None)[0]
     per_term = float(np.sqrt(np.mean(np.sum(left_by**2, axis=1))))
-    largest_px = float(np.hypot(shape_px, EDGE_PX)) / max(per_term, 1e-12)
+    largest_px = most_coherent_px(left, found.angle_deg) / max(per_term, 1e-12)
     covariance = found.covariance * np.outer(sign, sign)
     return LimbObservation(step, covariance, rms_px, shape_px, independent, largest_px)
 

@@ -1,6 +1,8 @@
 """Geometry that several steps share: lines of sight against the unit sphere, values between a map's pixels."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ from tasks.geometry.bilinear import bilinear, map_values, values_towards
 from tasks.geometry.unit_sphere import closest_approach, first_hits
 from tasks.project.kernel import fill_rows
 
+ROOT = Path(__file__).parents[2]
 side = st.floats(-1.5, 1.5)
 
 
@@ -82,3 +85,14 @@ def test_machine_code_older_than_a_file_that_it_calls_is_forgotten(tmp_path: Pat
     os.utime(old, (0, 0))
     _forget_older(tmp_path, fill_rows.py_func)
     assert (old.exists(), new.exists(), other.exists()) == (False, True, True)
+
+
+def test_numba_is_imported_when_a_compiled_function_is_first_called() -> None:
+    code = (
+        "import sys; import tasks.registry; import numpy as np; from tasks.geometry import bilinear as room\n"
+        "before = 'numba' in sys.modules\n"
+        "value = room.bilinear(np.ones((2, 4), np.float32), 0.5, 0.5)\n"
+        "print(before, value, 'numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "1.0", "True"]
