@@ -24,14 +24,14 @@ LIMB = LimbFigures(
 )  # fmt: skip
 
 
-def report(verdict: str, patches: dict[str, float] | None = None) -> ValidateResult:
+def report(verdict: str, patches: dict[str, float] | None = None, sigmas: float | None = None) -> ValidateResult:
     return ValidateResult(
         limb=LIMB,
         similarity=Similarity(before=None, after=None),
         sun=SunReport(),
         blocks=None,
         dark_limb={},
-        orientation=OrientationReport(verdict=verdict, sigmas=None),
+        orientation=OrientationReport(verdict=verdict, sigmas=sigmas),
         symmetry=None,
         doubt=None,
         patches=patches,
@@ -72,6 +72,12 @@ def test_neither_markings_nor_a_known_range_is_a_doubt(
     if doubt:
         assert doubt.startswith("target-not-confirmed: ")
         assert "errors.range_km" in doubt
+
+
+@pytest.mark.parametrize(("sigmas", "doubted"), [(-4.0, True), (0.5, True), (2.9, True), (3.1, False), (4.1, False)])
+def test_markings_that_leave_the_orientation_open_may_show_the_body(sigmas: float, doubted: bool) -> None:
+    found = report("undetermined", sigmas=sigmas)
+    assert (doubtful_target(AcceptSettings(), found, predicted("file", {})) is not None) == doubted
 
 
 def test_patches_of_a_close_up_show_which_body_it_is() -> None:
