@@ -12,9 +12,9 @@ from catalog.basemap import BaseMap
 from catalog.pose import Pose
 from tasks.joint import JointSettings
 from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas
-from tasks.joint.relief_response import ARCS, relief_response
 from tasks.joint.parameters import OFFSET, RANGE, State, difference
 from tasks.joint.problem import Problem
+from tasks.joint.relief_response import ARCS, relief_response
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
