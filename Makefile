@@ -31,7 +31,10 @@ $(INSTALLED): pyproject.toml constraints.txt
 	  "planetpose needs Python 3.11 or newer, this is " + sys.version.split()[0] + "; try make PYTHON=python3.12")'
 	@echo "Installing into .venv; this takes some minutes the first time."
 	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable ".[dev,lab]"
+	@# constraints.txt lists every package that is needed: two processes of pip share the list, with nothing to resolve,
+	@# and modules are compiled when they are first imported. Then planetpose, and what the list lacks on this system.
+	-sed 's/#.*//' constraints.txt | xargs -n 24 -P 2 $(BIN)/python -m pip install --quiet --no-deps --no-compile
+	$(BIN)/python -m pip install --quiet --no-compile --constraint constraints.txt --editable ".[dev,lab]"
 	@touch $@
 
 clean:

@@ -9,7 +9,8 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib import metadata
+from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -73,6 +74,17 @@ class Plugin:
         name = self.entry.dist.name if self.entry.dist is not None else self.entry.module
         remedy = f"Install {name} again with what it needs, tell its authors, or do without: pip uninstall {name}."
         return RefusedError(Reason.PLUGIN_UNUSABLE, f"the plugin {self} {doing}.", remedy)
+
+
+@cache
+def _installed() -> Any:
+    """All entry points: what is installed is looked through once, not for every group."""
+    return metadata.entry_points()
+
+
+def entry_points(group: str) -> EntryPoints:
+    """Entry points of a group."""
+    return _installed().select(group=group)
 
 
 @cache

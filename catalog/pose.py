@@ -220,7 +220,12 @@ def _checked_errors(errors: Any) -> dict[str, float]:
         raise ValueError(f"{ERRORS} is no JSON object")
     if unknown := sorted(set(errors) - set(STATED_ERRORS)):
         raise ValueError(f"unknown {ERRORS} {unknown}; known are {', '.join(STATED_ERRORS)}")
-    values = {name: float(value) for name, value in errors.items()}
+    values = {}
+    for name, value in errors.items():
+        try:
+            values[name] = float(value)
+        except ValueError as error:
+            raise ValueError(f"{ERRORS}.{name} is no number: {value!r}") from error
     for name, value in values.items():
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"{ERRORS}.{name} must be finite and positive, not {value:g}")

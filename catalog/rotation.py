@@ -1,5 +1,7 @@
 """Rotations, named `a_from_b`: v_a = a_from_b @ v_b. Right-handed 3x3 matrices."""
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -37,13 +39,37 @@ def nearest_rotation(matrix: ArrayLike) -> NDArray[np.float64]:
 
 def rotation_from_vector_deg(vector_deg: ArrayLike) -> NDArray[np.float64]:
     """Rotation matrix (3, 3) that turns vectors by |vector| degrees about `vector` (3,)."""
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_rotvec(np.radians(vector_deg)).as_matrix()
+    x, y, z = (math.radians(float(each)) for each in np.asarray(vector_deg, dtype=np.float64))
+    angle = math.sqrt(x * x + y * y + z * z)
+    # Unit quaternion; the sine's own series where the angle cannot be divided by.
+    half = 0.5 * angle
+    sine = math.sin(half) / angle if angle > 1e-8 else 0.5 - angle * angle / 48
+    w, x, y, z = math.cos(half), x * sine, y * sine, z * sine
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
 
 
 def vector_deg_from_rotation(matrix: ArrayLike) -> NDArray[np.float64]:
-    """Rotation vector (3,), degrees, of a rotation matrix (3, 3)."""
-    from scipy.spatial.transform import Rotation
-
-    return np.degrees(Rotation.from_matrix(matrix).as_rotvec())
+    """Rotation vector (3,), degrees, of a rotation matrix (3, 3), by its quaternion (Shepperd 1978, J. Guidance and
+    Control 1, 223: the largest component first, so that nothing small is divided by)."""
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = np.asarray(matrix, dtype=np.float64).tolist()
+    trace = xx + yy + zz
+    largest = max(trace, xx, yy, zz)
+    if largest == trace:
+        w, x, y, z = 1 + trace, zy - yz, xz - zx, yx - xy
+    elif largest == xx:
+        w, x, y, z = zy - yz, 1 + 2 * xx - trace, xy + yx, xz + zx
+    elif largest == yy:
+        w, x, y, z = xz - zx, xy + yx, 1 + 2 * yy - trace, yz + zy
+    else:
+        w, x, y, z = yx - xy, xz + zx, yz + zy, 1 + 2 * zz - trace
+    if w < 0:
+        w, x, y, z = -w, -x, -y, -z
+    length = math.sqrt(x * x + y * y + z * z)
+    angle_by_length = 2 * math.atan2(length, w) / length if length > 0 else 0.0
+    return np.degrees(np.array([x, y, z]) * angle_by_length)

@@ -80,29 +80,29 @@ class ImageOptions(Options):
     camera: Text = opt(description="Camera name, FILE.toml, kernels:NAME, isd:FILE or isis:FILE; overrides the label.")
     target: Text = opt(description="Target name, or FILE.toml; overrides the label.")
     pose_file: Annotated[File, Cli(("--pose",))] = opt(
-        description="Pose file (JSON), over kernels and label; or image: found in it."
+        description="Pose file (JSON); it overrides kernels and label. Or image: find the pose in the image."
     )
     basemap: Annotated[File, Cli(("--map",))] = opt(
         description="Base map: an equirectangular picture of the whole body; or none."
     )
     map_left_edge_deg: float = opt(0.0, ge=-360, le=360, description="East longitude of the map's left edge.")
     body: tuple[str, ...] = opt(
-        (), description="Another body in the frame, by kernels; repeat; or none. Default: all that kernels cover."
+        (), description="Another body in the frame; repeat for more; or none. Default: all that kernels cover."
     )
-    shape: File = opt(description="Shape model in km for the planes: DSK kernel, OBJ or PLY.")
+    shape: File = opt(description="Shape model in km, for the planes: DSK kernel, OBJ or PLY.")
     start_offset_px: Annotated[
         Limits | None, BeforeValidator(two_numbers), Cli(("--start-offset",), metavar="DX,DY", text=True)
-    ] = opt(description="Pixels added to the predicted centre; no search of the frame.")
-    mask: File = opt(description="Picture of the raw image's size; not 0: do not use the pixel.")
+    ] = opt(description="Pixels to add to the predicted centre; the frame is then not searched.")
+    mask: File = opt(description="Picture of the size of the raw image; pixels that are not 0 are not used.")
     flip: Annotated[Text, AfterValidator(known_flip), Cli(metavar="HOW")] = opt(
         description="The picture is mirrored or turned: x, y, rot90, rot180, ... (see docs)."
     )
-    plane: Text = opt(description="Of a file with several planes: its number, from 1, or name.")
-    summing: int | None = opt(ge=1, le=32, description="Detector pixels along a side of an image pixel.")
+    plane: Text = opt(description="Plane of a file with several planes: its number, from 1, or its name.")
+    summing: int | None = opt(ge=1, le=32, description="Number of detector pixels along each side of an image pixel.")
     window: Annotated[
         tuple[int, int, int, int] | None, BeforeValidator(four_numbers), Cli(metavar="X,Y,W,H", text=True)
     ] = opt(description="Part of the detector in the file, in detector pixels from 0.")
     stars: Text = opt(
-        description="Look for stars (gaia, hipparcos, or a catalog's file): the camera apart from the target."
+        description="Measure the camera's orientation from stars of this catalog: gaia, hipparcos, or a file."
     )
     resume: File = opt(description="Product folder, result.json or store to start from.")

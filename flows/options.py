@@ -40,13 +40,13 @@ class CorrectOptions(ImageOptions, KernelOptions):
     files: Annotated[tuple[Path, ...], Cli(argument=True)] = opt(..., description="Image files.")
     store: Store = "out"
     product: Annotated[tuple[str, ...], Cli(metavar="NAME")] = opt(
-        (), description="Name of the product instead of the file's; once for each file."
+        (), description="Name of the product, in place of the file's name; once for each file."
     )
     profile: str = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
     hold: Annotated[tuple[str, ...], BeforeValidator(comma_list), Cli(metavar="GROUPS", text=True)] = opt(
         (), description="Do not change: range, attitude, roll, offset, psf (comma list)."
     )
-    max_passes: int | None = opt(ge=1, le=10, description="Overrides the profile's passes.")
+    max_passes: int | None = opt(ge=1, le=10, description="Number of passes; overrides the profile.")
     workers: int | None = opt(ge=1, description="Images at a time; default: one per processor.")
 
     def of(self, positions: Sequence[int], workers: int) -> "CorrectOptions":
@@ -64,7 +64,7 @@ class ReprocessOptions(Options):
     )
     store: Annotated[Store, AfterValidator(lambda text: text if "://" in text else str(absolute(Path(text))))] = "out"
     profile: NameOrFile = opt(DEFAULT_PROFILE, description="Methods and settings of the steps: a name, or FILE.toml.")
-    only: tuple[str, ...] = opt((), description="Products like this (C16*); repeat for more.")
+    only: tuple[str, ...] = opt((), description="Only products that match this pattern (C16*); repeat for more.")
     part: Annotated[Text, AfterValidator(checked_part)] = opt(
         description="Part K of N alone, as K/N: the same images on every machine; another run does the others."
     )
@@ -73,24 +73,24 @@ class ReprocessOptions(Options):
     )
     workers: int = opt(0, ge=0, description="Images at a time; 0: one per processor.")
     runner: str = opt(
-        "threads", description="Where images are done: threads (this machine), dask, or dask:ADDRESS of a scheduler."
+        "threads", description="Where images are corrected: threads (this machine), dask, or dask:ADDRESS."
     )
-    dry_run: bool = opt(False, description="Only tell what would be done, and why.")
-    force: bool = opt(False, description="Also images that are unchanged; cached steps stay.")
-    again: bool = opt(False, description="Also images that were refused or failed before.")
+    dry_run: bool = opt(False, description="Only print what would be done, and why.")
+    force: bool = opt(False, description="Also correct unchanged images; cached steps are still used.")
+    again: bool = opt(False, description="Also correct images that were refused or failed before.")
     verify: bool = opt(False, description="Compare every product with its checksums.")
     image_timeout_s: float = opt(1800.0, ge=0.1, description="Seconds that one image may take.")
     image_memory_mb: float = opt(6000.0, ge=50, description="Memory that one image may take.")
-    retries: int = opt(2, ge=0, le=20, description="After faults that can pass.")
-    retry_delay_s: float = opt(10.0, ge=0, description="Before the first; each further one is tripled.")
+    retries: int = opt(2, ge=0, le=20, description="Number of further attempts after temporary faults.")
+    retry_delay_s: float = opt(10.0, ge=0, description="Seconds before the next attempt; each time tripled.")
     most_failed_percent: float = opt(
-        5.0, ge=0, le=100, description="More failed images make the flow fail and raise the alarm."
+        5.0, ge=0, le=100, description="With more failed images than this, the flow fails and the alert is raised."
     )
-    fetch: bool = opt(False, description="First get what the list names and is not there.")
+    fetch: bool = opt(False, description="First download the missing files of the list.")
     archive: Absolute | None = opt(description="Folder of fetched files (default: PLANETPOSE_ARCHIVE).")
     cache: Absolute | None = opt(description="Cached steps: folder (PLANETPOSE_CACHE), or s3://bucket/prefix.")
-    cache_limit_gb: float | None = opt(ge=0, description="Prune the cache of steps to this size.")
-    cache_days: float | None = opt(ge=0, description="Prune what was not used for so long.")
+    cache_limit_gb: float | None = opt(ge=0, description="At the end, delete old cached results down to this size.")
+    cache_days: float | None = opt(ge=0, description="At the end, delete results not used for so many days.")
 
     @property
     def folder(self) -> Path:
@@ -126,18 +126,18 @@ class ReprocessOptions(Options):
 
 
 class FetchOptions(Options):
-    """Get the images, labels, kernels and maps of a list; exit status 1 when a file could not be had."""
+    """Download the images, labels, kernels and maps of a list; exit status 1 if a file could not be downloaded."""
 
     catalog: Annotated[str, Cli(argument=True)] = opt(
         ..., description="An image list: a name of the catalog, or a file."
     )
-    only: tuple[str, ...] = opt((), description="Products alone that match this pattern (C16*); repeat.")
+    only: tuple[str, ...] = opt((), description="Only products that match this pattern (C16*); repeat for more.")
     what: tuple[str, ...] = opt((), description="images, labels, kernels or maps; repeat. Default: all.")
     mirror: Text = opt(description="URL or folder in place of all archives (PLANETPOSE_MIRROR).")
     dest: File = opt(description="Folder of fetched files (PLANETPOSE_ARCHIVE).")
     attempts: int = opt(4, ge=1, le=20, description="Attempts per file.")
-    stall_s: float = opt(30.0, ge=0.1, description="Silence that ends an attempt.")
-    requests_per_s: float = opt(4.0, ge=0.01, description="To one host.")
+    stall_s: float = opt(30.0, ge=0.1, description="Seconds without data after which an attempt ends.")
+    requests_per_s: float = opt(4.0, ge=0.01, description="Largest number of requests per second to one host.")
     largest_mb: float = opt(2000.0, ge=0.001, description="Largest file that is fetched.")
 
 
@@ -150,22 +150,22 @@ class ExportOptions(Options):
         min_length=1,
         description="fits, geotiff, cog, zarr-map, stac, csv, parquet, isd, isis-cube, pds4, pds4-map; repeat.",
     )
-    out: Path = opt(Path("export"), description="Folder that files are written into.")
+    out: Path = opt(Path("export"), description="Folder for the files.")
     projection: str = opt("equirectangular", description="Maps: equirectangular, orthographic or polar-stereographic.")
     resolution_km: Annotated[float | None, Cli(("--resolution-km", "--resolution"))] = opt(
         description="Maps: km per pixel; default: the image's."
     )
     central_longitude_deg: float | None = opt(
-        description="Maps: middle of an equirectangular one, lower meridian of a polar one."
+        description="Maps: central longitude of an equirectangular map; lower meridian of a polar map."
     )
     kernel: str = opt("bilinear", description="Maps: nearest, bilinear or cubic.")
     max_emission_deg: float | None = opt(
-        ge=0, le=90, description="Maps and tables: no farther to the limb; default 85 and 90."
+        ge=0, le=90, description="Maps and tables: largest emission angle; default 85 and 90."
     )
     max_incidence_deg: float = opt(90.0, ge=0, le=180, description="Tables.")
     latitude: Limits = opt(LATITUDES, description="Tables: south and north limit.")
     longitude: Limits = opt(LONGITUDES, description="Tables: west and east limit, east positive; may run through 0.")
-    every_flag: bool = opt(False, description="Tables: flagged pixels on the body too.")
+    every_flag: bool = opt(False, description="Tables: also flagged pixels on the body.")
 
 
 class ReportOptions(Options):
@@ -183,19 +183,19 @@ class KernelsOptions(KernelOptions):
     """Write corrected SPICE kernels: camera orientation, spacecraft position, target attitude, meta-kernels."""
 
     paths: Paths
-    out: Path = opt(Path("kernels"), description="Folder that the sets are written in, a folder each.")
+    out: Path = opt(Path("kernels"), description="Folder for the sets; each gets a folder.")
     per_image: bool = opt(False, description="A set per image instead of one per mission.")
     check: bool = opt(True, description="Compare with plain SPICE in a second process.")
 
 
 class AdjustOptions(Options):
-    """Solve for what images share: constants of cameras, attitude and range bias of sequences."""
+    """Solve for errors that images share: constants of cameras, attitude and range error of sequences."""
 
     store: Annotated[Folder, Cli(argument=True)] = opt(
         ..., description="Store of images that the joint step corrected."
     )
     out: File = opt(description="Folder for adjust.json and a pose file per image.")
-    gap: float = opt(300.0, ge=0.001, description="Longest pause within a sequence, seconds.")
+    gap: float = opt(300.0, ge=0.001, description="Longest time between two images of a sequence, seconds.")
 
 
 class CheckOptions(Options):
@@ -204,8 +204,8 @@ class CheckOptions(Options):
     paths: Annotated[tuple[str, ...], Cli(argument=True)] = opt(
         ..., description="Stores, or products' folders; stores may be s3://bucket/prefix."
     )
-    sample: int | None = opt(ge=1, description="Only so many products of each store, drawn at random.")
-    after: Text = opt(description="Only products whose names come after this one: to go on where a check ended.")
+    sample: int | None = opt(ge=1, description="Number of products of each store to check, chosen at random.")
+    after: Text = opt(description="Only products after this name, to continue an interrupted check.")
 
 
 def processors() -> int:

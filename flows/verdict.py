@@ -50,7 +50,8 @@ def doubts(chain: Chain) -> list[str]:
     if diagnosed and not is_of_doubts(chain):
         found.append(diagnosed.result.doubt)
     by_image = chain.last(IMAGE_POSE)
-    found += by_image.result.doubts if by_image else ()
+    # What the corrections say is said without what was not found beforehand.
+    found = [*(by_image.result.doubts if by_image else ()), *found]
     if validated:
         report = validated.result
         if report.patches is None:

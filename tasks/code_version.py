@@ -67,6 +67,7 @@ class Sources:
         self.new: dict[str, ModuleSource] = {}
         self._of: dict[str, ModuleSource] = {}
         self._paths: dict[str, Path | None] = {}
+        self._imports: dict[str, frozenset[str]] = {}
         self.others: dict[str, Path] = {}
 
     def count_package_of(self, module: str) -> None:
@@ -101,15 +102,18 @@ class Sources:
             self._paths[module] = next((path for path in candidates if path.is_file()), None)
         return self._paths[module]
 
-    def imports_of(self, module: str) -> set[str]:
+    def imports_of(self, module: str) -> frozenset[str]:
         """Modules of this project that one imports itself: `from a import b` is a.b where that is a module, else a."""
+        if module in self._imports:
+            return self._imports[module]
         found: set[str] = set()
         for name, member in self.of(module).imports:
             candidates = (f"{name}.{member}", name) if member else (name,)
             found.update(candidate for candidate in candidates[:1] if self.path_of(candidate))
             if not (member and self.path_of(candidates[0])) and self.path_of(name):
                 found.add(name)
-        return found
+        self._imports[module] = frozenset(found)
+        return self._imports[module]
 
     def reached_from(self, module: str, without: Collection[str] = frozenset()) -> set[str]:
         """Modules that `module` imports however deep, itself included."""

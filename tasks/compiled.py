@@ -2,23 +2,50 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cached_property, update_wrapper
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 # What may be done to floating-point sums and quotients where the last digits do not matter; NaN and inf stay what they
 # are.
 REORDERED = {"reassoc", "contract", "arcp", "nsz"}
+COMPILING = RLock()
+
+
+class Compiled:
+    """A function that numba compiles when it is called for the first time: importing numba costs most of a second,
+    which a command that only reads records need not spend."""
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        self.py_func = function
+        self.options = options
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """What the machine code makes of the arguments."""
+        return self.dispatcher(*arguments)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """numba's own. The compiled functions that this one calls by the names of its module become numba's there."""
+        with COMPILING:
+            names = self.py_func.__globals__
+            for name in self.py_func.__code__.co_names:
+                if isinstance(called := names.get(name), Compiled) and called is not self:
+                    names[name] = called.dispatcher
+            return _compiled(self.py_func, **self.options)
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Compile with numba and keep the machine code on disk, beside the source or in the user's cache folder; where
     neither can be written (a read-only container), compile anew in each process."""
-    return _compiled(function)
+    return Compiled(function, {})
 
 
 def compiled_reordered(function: Callable[..., Any]) -> Callable[..., Any]:
     """The same, with arithmetic that may be reordered for speed."""
-    return _compiled(function, fastmath=REORDERED)
+    return Compiled(function, {"fastmath": REORDERED})
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:

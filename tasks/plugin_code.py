@@ -22,9 +22,8 @@ def plugins_in(inputs: BaseModel) -> dict[str, str]:
 
 def _named_in(value: Any) -> Iterator[tuple[str, str]]:
     if isinstance(value, BaseModel):
-        for name, info in type(value).model_fields.items():
+        for name, choices in _choices_of(type(value)):
             held = getattr(value, name)
-            choices = [*(each for each in info.metadata if isinstance(each, Choice)), *_choices_in(info.annotation)]
             for text in _texts(held) if choices else ():
                 yield from ((each.group, text) for each in choices if text not in each.own)
             yield from _named_in(held)
@@ -34,6 +33,17 @@ def _named_in(value: Any) -> Iterator[tuple[str, str]]:
     elif isinstance(value, tuple | list):
         for each in value:
             yield from _named_in(each)
+
+
+@cache
+def _choices_of(model: type[BaseModel]) -> tuple[tuple[str, tuple[Choice, ...]], ...]:
+    """The fields of a model that can name a method or hold what does, with the choices of each."""
+    fields = []
+    for name, info in model.model_fields.items():
+        choices = (*(each for each in info.metadata if isinstance(each, Choice)), *_choices_in(info.annotation))
+        if choices or info.annotation not in (str, int, float, bool):
+            fields.append((name, choices))
+    return tuple(fields)
 
 
 def _choices_in(annotation: Any) -> list[Choice]:

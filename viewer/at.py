@@ -33,18 +33,21 @@ def at(
     pixels: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="X,Y", help="Pixels of the image, 0-based, integer at the centre; several.", show_default=False
+            metavar="X,Y",
+            help="One or more pixels X,Y of the image, from 0; integers are pixel centres.",
+            show_default=False,
         ),
     ] = None,
     place: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="LAT,LON", help="A place: 12.5N,271E or -12.5,271 (planetocentric, east); repeat for more."
+            metavar="LAT,LON",
+            help="A place: 12.5N,271E or -12.5,271 (planetocentric latitude, east longitude); repeat for more.",
         ),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object per position on stdout.")] = False,
 ) -> None:
-    """What is at a pixel (latitude, longitude, angles, range), or where a place is in the image, with 1-sigma."""
+    """Print what is at a pixel (latitude, longitude, angles, range), or the pixel of a place, with 1-sigma."""
     from catalog.errors import WrongOptionError
     from flows.cli.output import clean_stdout, write_json
     from tasks.position.model import read_position_model

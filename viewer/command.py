@@ -17,24 +17,23 @@ def view(
     store: Annotated[
         Path, typer.Argument(metavar="STORE", help="A folder of products, or one of its products.", show_default=False)
     ],
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page; 0: any that is free.")] = 0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port of the page; 0: any free port.")] = 0,
     host: Annotated[
-        str, typer.Option(help="Where the page can be reached; other than this machine, with a token only.")
+        str, typer.Option(help="Address where the page can be reached. Other machines need the token.")
     ] = "127.0.0.1",
-    read_only: Annotated[
-        bool, typer.Option("--read-only", help="Only show: no decisions, nothing is done again.")
-    ] = False,
+    read_only: Annotated[bool, typer.Option("--read-only", help="The page only shows: no decisions, no redo.")] = False,
     compare: Annotated[
-        Path | None, typer.Option(metavar="STORE", help="A second store, for before and after a change.")
+        Path | None,
+        typer.Option(metavar="STORE", help="A second store to compare with, for example from before a change."),
     ] = None,
     export: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Write the page as files for a web server instead.")
     ] = None,
-    only: Annotated[str, typer.Option(help="--export: images that fit this filter.")] = "",
+    only: Annotated[str, typer.Option(help="For --export: only images that fit this filter.")] = "",
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open a browser where there is a display.")] = True,
 ) -> None:
-    """Open a page to look at a store and to help with its images: table, filters, image with layers, values under the
-    mouse, nudge, accept, redo."""
+    """Open a page to look at a store and help its corrections: table, filters, image with layers, values under the
+    mouse, help, decisions, redo."""
     product = None
     if (store / CUBE).is_dir():
         store, product = store.resolve().parent, store.resolve().name

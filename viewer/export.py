@@ -46,7 +46,7 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
         for row in rows:
             values = dict(zip(names, row, strict=True))
             name = str(values["product"])
-            write_product_page(side.planes, values, products / name)
+            write_product_page(side.planes, values, products / name, side.table.worst(name))
             pictured += [name] if (products / name / SMALL).is_file() else []
         about = {"store": side.store.resolve().name, "other": None, "who": ""}
         table_json = {**about, "columns": columns, "rows": rows, "pictured": pictured}
@@ -54,11 +54,12 @@ def export_store(store: Path, folder: Path, only: str = "") -> int:
     return len(rows)
 
 
-def write_product_page(planes: Planes, row: dict[str, Any], folder: Path) -> None:
+def write_product_page(planes: Planes, row: dict[str, Any], folder: Path, worst: str = "") -> None:
     """Page, tiles and small picture of a product; without its picture where it has none, or cannot be read."""
     product = str(row["product"])
     folder.mkdir(parents=True)
     shown: dict[str, Any] = {"product": product, "row": row, "decisions": [], "advice": advice_of(row.get("reason"))}
+    shown["worst"] = worst
 
     def write_pictures() -> None:
         page = product_page(planes, product)

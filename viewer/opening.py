@@ -15,6 +15,7 @@ def page_of(side: Side, product: str) -> dict[str, Any]:
     Raises HTTPException for a name that is not in the table, RefusedError for a damaged product."""
     row = side.table.row(side.known(product)) or {}
     seen = {"row": row, "advice": advice_of(row.get("reason")), "ranks": side.table.ranks(product)}
+    seen["worst"] = side.table.worst(product)
     if row.get("status") == "unreadable" or side.planes.place(product) is None:
         return {**papers(side.store, product), **seen}
     return {**product_page(side.planes, product), **seen}

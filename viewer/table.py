@@ -152,6 +152,16 @@ class Table:
                     found[name] = float((others < values[place]).sum() / (len(others) - 1))
             return found
 
+    def worst(self, product: str) -> str:
+        """Place of a product in the order Worst first, and what puts it there; empty for another name."""
+        with self._lock:
+            place = self.places.get(product)
+            if place is None:
+                return ""
+            row, worst = self.table.iloc[place], self.table["worst"].to_numpy()
+            before = int((worst > worst[place]).sum())
+            return f"{before + 1} of {len(worst)}, {why_worst(row['status'], row['sigma_px'], row['limb_rms_px'])}"
+
     def points(self, x: str, y: str, text: str = "") -> dict[str, Any]:
         """Values of two columns of the images that fit, for a plot; of very many, every n-th. Raises WrongOptionError
         for a column that is none."""
@@ -205,10 +215,25 @@ def prepared(store: Path) -> "pd.DataFrame":
 
 def worst_of(table: "pd.DataFrame") -> Any:
     """(n,) by which the images that want a look come first: those without a product, doubtful ones, then ok ones
-    (thousands), each by the larger of sigma of the centre and limb residual, px."""
+    (thousands), each by the larger of sigma of the centre and limb residual, px. Of a close-up without a limb the sigma
+    does not count: the centre is far outside the frame, and the place on the surface is known much better."""
     verdict = table["status"].map({"ok": 0.0, "doubtful": 1.0}).fillna(2.0).to_numpy(dtype=np.float64)
-    errors = table[["sigma_px", "limb_rms_px"]].max(axis=1).fillna(0.0).to_numpy(dtype=np.float64)
+    sigma = table["sigma_px"].to_numpy(dtype=np.float64, na_value=np.nan)
+    limb = table["limb_rms_px"].to_numpy(dtype=np.float64, na_value=np.nan)
+    errors = np.fmax(np.fmax(np.where(np.isfinite(limb), sigma, np.nan), limb), 0.0)
     return 1000.0 * verdict + np.minimum(errors, 999.0)
+
+
+def why_worst(status: str, sigma_px: float, limb_rms_px: float) -> str:
+    """What puts an image to its place in the order of `worst_of`."""
+    if status not in PUBLISHED:
+        return f"{status}: it has no product"
+    what = "it is doubtful; " if status == "doubtful" else ""
+    if not np.isfinite(limb_rms_px):
+        return f"{what}no limb is measured"
+    if sigma_px > limb_rms_px:
+        return f"{what}sigma of the centre {sigma_px:.3g} px"
+    return f"{what}limb residual {limb_rms_px:.3g} px"
 
 
 SHOWN_OF_OUTCOMES = ("product", "status", "reason", "utc", "camera", "target", "profile")

@@ -168,11 +168,14 @@ def _observation(path: Path, reading: Reading, camera: Camera | None) -> Observa
     usable = int(np.count_nonzero((quality & UNUSABLE) == 0))
     inside = image.size - int(np.count_nonzero(quality & np.uint16(Quality.OUTSIDE_WINDOW)))
     if usable < max(min(MIN_USABLE_PX, inside / 2), 1):
-        fault = f"image {path}: {usable} of its {image.size} pixels are usable; by {reading.flags_from}, "
+        flagged = reading.quality is not None and bool((reading.quality & np.uint16(UNUSABLE)).any())
+        by = f"by {reading.flags_from}, not a number or filled" if flagged else "not a number or filled"
         raise RefusedError(
             Reason.NO_USABLE_PIXELS,
-            f"{fault}not a number or filled: {_shares(quality)}.",
-            "Check that the flags are this image's; give a file without them, and bad pixels with --mask.",
+            f"image {path}: {usable} of its {image.size} pixels are usable; {by}: {_shares(quality)}.",
+            "Check that the flags are this image's; give a file without them, and bad pixels with --mask."
+            if flagged
+            else "Give the file, or by --plane the plane, that holds the picture.",
         )
     return Observation(image, _noise(reading, camera, image, quality), quality)
 

@@ -14,8 +14,9 @@ from typer.main import get_group
 from flows.cli.contributed import add_contributed
 
 
-def build_app() -> typer.Typer:
-    """The application with every command of this package and of those that contribute some."""
+def build_app(wanted: str | None = None) -> typer.Typer:
+    """The application with every command of this package, and of those that contribute some unless `wanted`, the only
+    one that will be used, is of this package."""
     app = typer.Typer(
         name="planetpose",
         help="Precise geometry of disk-resolved spacecraft images.",
@@ -29,7 +30,9 @@ def build_app() -> typer.Typer:
         command = import_module(f"{__name__}.{module.name}")
         if hasattr(command, "register"):
             command.register(app)
-    add_contributed(app, set(get_group(app).commands))
+    known = set(get_group(app).commands)
+    if wanted not in known:
+        add_contributed(app, known)
     return app
 
 
@@ -42,7 +45,7 @@ def say_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-Version = Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True, help="Say the version.")]
+Version = Annotated[bool, typer.Option("--version", callback=say_version, is_eager=True, help="Print the version.")]
 
 
 def common(version: Version = False) -> None:
@@ -56,7 +59,7 @@ def main() -> None:
 
     keep_loopback_direct(os.environ)
     try:
-        build_app()()
+        build_app(next(iter(sys.argv[1:]), None))()
     except PlanetposeError as error:
         print(f"planetpose: {error.reason}", file=sys.stderr)
         sys.exit(1)

@@ -46,12 +46,12 @@ def clear(
 
 def prune(
     limit_gb: Annotated[
-        float | None, typer.Option(min=0, help="Delete the longest unused until it is this small.")
+        float | None, typer.Option(min=0, help="Delete old results until the cache has this size.")
     ] = None,
-    days: Annotated[float | None, typer.Option(min=0, help="Delete what was not used for so long.")] = None,
+    days: Annotated[float | None, typer.Option(min=0, help="Delete results not used for so many days.")] = None,
 ) -> None:
-    """Delete results that were not used for long, and temporaries of dead processes. What was used in the last six
-    hours stays; so do published products, which need no cache."""
+    """Delete old results, and temporary files of dead processes. Results that were used in the last six
+    hours are kept; so are published products, which need no cache."""
     from catalog.settings import cache_folder
     from tasks.cache import prune as prune_cache
     from tasks.cache import sweep_cache

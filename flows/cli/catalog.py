@@ -37,8 +37,8 @@ def camera(
         list[Path] | None, typer.Option(help="Kernels that describe the instrument: files, meta-kernels or folders.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write the camera as this TOML file.")] = None,
-    filter_name: Annotated[str | None, typer.Option("--filter", help="Filter, as labels spell it (CL1/GRN).")] = None,
-    temperature: Annotated[float | None, typer.Option(help="Of the focal plane, degrees Celsius.")] = None,
+    filter_name: Annotated[str | None, typer.Option("--filter", help="Filter, as in labels (CL1/GRN).")] = None,
+    temperature: Annotated[float | None, typer.Option(help="Temperature of the focal plane, degrees Celsius.")] = None,
 ) -> None:
     """Show one camera as a camera file (TOML) with its sources, or write it."""
     from catalog.camera_store import camera_of, write_camera
@@ -65,7 +65,7 @@ def targets(json: AsJson = False) -> None:
 
 
 def profiles(json: AsJson = False) -> None:
-    """List the profiles with every setting that they resolve to."""
+    """List the profiles with all their settings."""
     import json as json_module
 
     from tasks.profile import find_profile, known_profiles

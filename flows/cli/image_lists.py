@@ -15,7 +15,7 @@ Archive = Annotated[Path | None, typer.Option(help="Folder of fetched files (def
 
 def register(app: typer.Typer) -> None:
     """Add the command group."""
-    group = typer.Typer(help="Image lists: which images there are, and where.", no_args_is_help=True)
+    group = typer.Typer(help="Image lists.", no_args_is_help=True)
     group.command(name="list")(list_)
     group.command()(show)
     group.command()(check)
@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 
 def list_(json: AsJson = False) -> None:
-    """Name the lists of the catalog."""
+    """Print the names of the lists in the catalog."""
     from catalog.lists import known_lists, load_image_list
 
     lists = {name: load_image_list(path) for name, path in known_lists().items()}
@@ -36,7 +36,7 @@ def list_(json: AsJson = False) -> None:
 
 
 def show(name: Name, json: AsJson = False) -> None:
-    """Print a list: its images, sources, and what could not be verified."""
+    """Print a list: its images, its sources, and what is not verified."""
     from catalog.lists import load_image_list
 
     found = load_image_list(name)
@@ -53,7 +53,7 @@ def show(name: Name, json: AsJson = False) -> None:
 
 
 def check(name: Name, archive: Archive = None, json: AsJson = False) -> None:
-    """Check rows, files, checksums and duplicates of a list; exit status 1 when something is wrong."""
+    """Check rows, files, checksums and duplicates of a list; exit status 1 if there is a fault."""
     from catalog.lists import find_list
     from catalog.lists.adding import check_list
 
@@ -72,11 +72,11 @@ def add(
     sources: Annotated[
         list[str], typer.Argument(help="Folders of images, or labels of PDS3 indices: paths, URLs or ARCHIVE:path.")
     ],
-    to: Annotated[Path, typer.Option(help="The list to add to; made when it is not there.")] = Path("images.csv"),
+    to: Annotated[Path, typer.Option(help="The list; a new file if it does not exist.")] = Path("images.csv"),
     target: Annotated[str | None, typer.Option(help="Only images of this target.")] = None,
     camera: Annotated[str | None, typer.Option(help="Only images by this camera.")] = None,
     base: Annotated[
-        str | None, typer.Option(help="What an index's paths belong to, such as pds-rings:volumes/VGISS_5xxx.")
+        str | None, typer.Option(help="Location of the paths in an index, such as pds-rings:volumes/VGISS_5xxx.")
     ] = None,
     kernels: Annotated[list[str] | None, typer.Option(help="A kernel set or location for all of them.")] = None,
     mirror: Annotated[str | None, typer.Option(help="URL or folder in place of all archives.")] = None,

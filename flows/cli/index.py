@@ -19,9 +19,9 @@ def register(app: typer.Typer) -> None:
 def index(
     store: Annotated[str, typer.Argument(help="Folder of products, or s3://bucket/prefix.")] = "out",
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
-    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every product anew.")] = False,
+    rebuild: Annotated[bool, typer.Option("--rebuild", help="Read every product again.")] = False,
 ) -> None:
-    """Bring STORE/index.parquet up to date and print it: one row per image."""
+    """Update STORE/index.parquet and print it: one row per image."""
     import json as json_module
 
     from flows.cli.output import clean_stdout

@@ -33,7 +33,7 @@ def known_server(option: str | None) -> str | None:
 
 
 Server = Annotated[
-    str | None, typer.Option(help="Prefect server: local, embedded, or the URL of an API.", callback=known_server)
+    str | None, typer.Option(help="Prefect server: local, embedded, or the URL of its API.", callback=known_server)
 ]
 
 

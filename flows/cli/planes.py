@@ -19,7 +19,7 @@ def planes(
     list_: Annotated[bool, typer.Option("--list", help="Only print the names.")] = False,
     json: Annotated[bool, typer.Option("--json", help="One JSON object per product on stdout.")] = False,
 ) -> None:
-    """Add planes that cubes do not hold, in planes.zarr beside the cube: azimuths, local time, sky, limb
+    """Add planes that cubes do not contain, in planes.zarr beside the cube: azimuths, local time, sky, limb
     distance, parts of the uncertainty."""
     import sys
     from functools import partial

@@ -16,7 +16,7 @@ def register(app: typer.Typer) -> None:
 
 
 def status() -> None:
-    """Print the server's address, or that none runs."""
+    """Print the server's address, or that no server runs."""
     from local_server.server import idle_minutes, running_server, server_files
 
     record = running_server()
@@ -28,7 +28,7 @@ def status() -> None:
 
 
 def start() -> None:
-    """Start the server now, so that the next command need not."""
+    """Start the server now, so that the next command does not have to start it."""
     from local_server.server import ensure_server
 
     print(ensure_server())

@@ -23,7 +23,7 @@ def show(
     all_: Annotated[bool, typer.Option("--all", help="All of them, and the overlay.")] = False,
     map: Annotated[
         Path | None,
-        typer.Option(help="--limb, --residual: the base map that the product was made with, if not the catalog's."),
+        typer.Option(help="For --limb and --residual: base map of the product, if it is not the catalog's."),
     ] = None,
     open_: Annotated[bool, typer.Option("--open/--no-open", help="Open the picture where there is a display.")] = True,
 ) -> None:

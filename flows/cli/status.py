@@ -20,10 +20,10 @@ def status(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     plan: Annotated[
         bool | None,
-        typer.Option("--plan/--no-plan", help="Look what is out of date; default: up to 10 000 images."),
+        typer.Option("--plan/--no-plan", help="Find images that are out of date; default: for up to 10 000 images."),
     ] = None,
 ) -> None:
-    """Tell how the images of a store ended, its latest runs, its slowest steps, and what is out of date."""
+    """Print the verdicts of a store's images, its latest runs, its slowest steps, and which images are out of date."""
     from flows.cli.output import clean_stdout, write_json
     from flows.status import PLANNED_BY_DEFAULT, out_of_date, status_of
     from tasks.objectstore.places import place_of

@@ -17,7 +17,7 @@ from lab.stars.command import stars
 
 def register(app: typer.Typer) -> None:
     """Add the command group."""
-    group = typer.Typer(help="Measure on this machine.", no_args_is_help=True)
+    group = typer.Typer(help="Measurements of the program on this machine.", no_args_is_help=True)
     group.callback()(lambda: None)
     group.command()(projection)
     group.command()(mesh)
@@ -45,7 +45,7 @@ def projection(
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
     size: Annotated[int, typer.Option(min=16, max=8192, help="Frame of SIZE x SIZE pixels.")] = 1024,
     peers: Annotated[
-        bool, typer.Option("--peers", help="rms-oops and PlanetMapper too (pip install planetpose\\[lab]).")
+        bool, typer.Option("--peers", help="Also rms-oops and PlanetMapper (pip install planetpose\\[lab]).")
     ] = False,
 ) -> None:
     """Time five planes of a frame against plain numpy and a SPICE loop, and compare the angles."""

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from catalog.target import find_target
 from lab.bodies.picture import truth_of, write_scene
 from lab.bodies.scenes import KINDS, Scene, scene_of
 from lab.rows import rows_in_portions
@@ -17,6 +18,7 @@ from lab.rows import rows_in_portions
 Row = dict[str, Any]
 # An `ok` is wrong where its centre is off by more than this, and by more than so many of its stated sigmas.
 BAR_PX, WRONG_SIGMAS = 0.1, 3.0
+LARGE_PX = 40.0  # width of a sunlit disk from which on the bar counts
 # Shadows are compared as lit, partly and not lit: the counted truth tells fractions to about 0.02.
 LIT, DARK = 0.02, 0.98
 
@@ -48,6 +50,7 @@ def run_scene(scene: Scene, with_bodies: bool = True, keep: Path | None = None) 
         begun = time.perf_counter()
         result = one_result(request, Silent(), run_step=run)
         row: Row = {"id": scene.id, "kind": scene.kind, "status": result["status"], "reason": result["reason"]}
+        row["lit_px"] = lit_px_of(scene)
         row["seconds"] = round(time.perf_counter() - begun, 2)
         row["centre_error_px"] = row["body_wrong"] = row["shadow_wrong"] = None
         if result.get("centre_px"):
@@ -60,6 +63,13 @@ def run_scene(scene: Scene, with_bodies: bool = True, keep: Path | None = None) 
     finally:
         if keep is None:
             shutil.rmtree(folder, ignore_errors=True)
+
+
+def lit_px_of(scene: Scene) -> float:
+    """Width of the sunlit part of the target's whole disk."""
+    range_km, sun = float(np.linalg.norm(scene.target_km)), scene.sun_km / np.linalg.norm(scene.sun_km)
+    radius_px = scene.lens.focal_px * find_target(scene.target).mean_radius_km / range_km
+    return float(radius_px * (1 - sun @ scene.target_km / range_km))
 
 
 def flags_wrong(cube: Any, scene: Scene) -> Row:
@@ -94,7 +104,14 @@ def run_scenes(
 
 
 def summary_of(rows: Sequence[Row]) -> dict[str, Any]:
-    """The figures that the bars are about; also by kind."""
+    """The figures that the bars are about, of all scenes and by kind."""
+    kinds = sorted({row["kind"] for row in rows})
+    by_kind = {kind: figures_of([row for row in rows if row["kind"] == kind]) for kind in kinds}
+    return figures_of(rows) | {"by_kind": by_kind}
+
+
+def figures_of(rows: Sequence[Row]) -> dict[str, Any]:
+    """Of some scenes. large_beyond_bar: `ok` ones of a wide sunlit disk that are off by more than the bar."""
     sound = [row for row in rows if row["status"] == "ok" and row["centre_error_px"] is not None]
     errors = [row["centre_error_px"] for row in sound]
     right = {
@@ -106,9 +123,11 @@ def summary_of(rows: Sequence[Row]) -> dict[str, Any]:
         "ok": sum(row["status"] == "ok" for row in rows),
         "wrong_ok": sum(row["centre_error_px"] > BAR_PX and row["sigmas"] > WRONG_SIGMAS for row in sound),
         "ok_beyond_bar": sum(error > BAR_PX for error in errors),
+        "large_beyond_bar": sum(row["centre_error_px"] > BAR_PX and row.get("lit_px", 0) > LARGE_PX for row in sound),
         "share_ok": float(np.mean([row["status"] == "ok" for row in rows])) if rows else 0.0,
         "centre_median_px": float(np.median(errors)) if errors else None,
         "centre_worst_px": max(errors, default=None),
+        "sigmas_worst": max((row["sigmas"] for row in sound), default=None),
         "body_right": right["body"],
         "shadow_right": right["shadow"],
     }

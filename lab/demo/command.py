@@ -21,13 +21,13 @@ def register(app: typer.Typer) -> None:
 
 
 def demo(
-    folder: Annotated[Path, typer.Option(help="Where the archive and its products are written.")] = Path("out/demo"),
+    folder: Annotated[Path, typer.Option(help="Folder for the archive and its products.")] = Path("out/demo"),
     json: Annotated[bool, typer.Option("--json", help="One JSON object per image on stdout.")] = False,
     workers: Annotated[int, typer.Option(min=1, help="Images at a time.")] = 2,
     server: Server = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
-    """Simulate six images of Europa with planted errors, correct them, and print what was planted, found and left."""
+    """Simulate six images of Europa with planted errors, correct them, and print planted and found errors."""
     import time
 
     from flows.cli.output import clean_stdout, log_to_stderr, write_json

@@ -17,18 +17,18 @@ def evaluate(
     folder: Annotated[Path, typer.Argument(help="Folder that `planetpose simulate` wrote.", show_default=False)],
     profile: Annotated[list[str] | None, typer.Option(help="Name or FILE.toml; repeat to compare several.")] = None,
     ablation: Annotated[
-        bool, typer.Option("--ablation", help="Profiles paper and joint, and joint with one part left out each.")
+        bool, typer.Option("--ablation", help="Profiles paper and joint, and joint without each of its parts in turn.")
     ] = False,
     out: Annotated[Path, typer.Option(help="Folder for products, tables and reliability diagrams.")] = Path(
         "out/evaluate"
     ),
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout: images and summary.")] = False,
     pose: Annotated[
-        str | None, typer.Option(help="image: throw the predicted poses away, and find them in the images.")
+        str | None, typer.Option(help="image: ignore the predicted poses, and find the poses in the images.")
     ] = None,
     only: Annotated[list[str] | None, typer.Option(help="This product; repeat for more.")] = None,
     camera: Annotated[list[str] | None, typer.Option(help="This camera; repeat for more.")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="At most so many images.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Largest number of images.")] = None,
     jobs: Annotated[int, typer.Option(min=1, help="Images at a time, each in its own process.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:

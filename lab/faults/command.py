@@ -9,7 +9,7 @@ import typer
 
 def faults(
     images: Annotated[int, typer.Option(min=1, help="Small images in the list.")] = 6,
-    kills: Annotated[int, typer.Option(min=0, help="kill -9 at so many random moments.")] = 20,
+    kills: Annotated[int, typer.Option(min=0, help="Number of random moments at which processes are killed.")] = 20,
     seed: Annotated[int, typer.Option(min=0, help="Another seed: other moments.")] = 1,
     only: Annotated[list[str] | None, typer.Option(help="Only this scenario; repeat for more.")] = None,
     folder: Annotated[Path | None, typer.Option(help="Where to work; kept. Default: a temporary folder.")] = None,

@@ -11,7 +11,9 @@ def fuzz(
     count: Annotated[int, typer.Option(min=1, help="Damaged files to read.")] = 2200,
     seed: Annotated[int, typer.Option(min=0, help="Another seed: other damage.")] = 1,
     folder: Annotated[Path | None, typer.Option(help="Undamaged files (default: images/ of PLANETPOSE_DATA).")] = None,
-    correct: Annotated[int, typer.Option(min=0, help="Also correct so many that are read, of --correct-file.")] = 0,
+    correct: Annotated[
+        int, typer.Option(min=0, help="Number of damaged copies of --correct-file to correct as well.")
+    ] = 0,
     correct_file: Annotated[Path | None, typer.Option(help="An image whose label gives its geometry.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object on stdout.")] = False,
 ) -> None:

@@ -10,13 +10,16 @@ from catalog.settings import DEFAULT_PROFILE
 
 def honesty(
     out: Annotated[Path, typer.Option(help="Folder for rows, figures and tables.")] = Path("out/honesty"),
-    scenes: Annotated[int | None, typer.Option(min=1, help="About so many, spread over all kinds.")] = None,
+    scenes: Annotated[int | None, typer.Option(min=1, help="Approximate number of scenes, over all kinds.")] = None,
     group: Annotated[list[str] | None, typer.Option(help="This group of scenes; repeat for more.")] = None,
     only: Annotated[list[str] | None, typer.Option(help="This scene; repeat for more.")] = None,
-    draw: Annotated[int, typer.Option(min=0, max=1000, help="Another number draws other scenes of the groups.")] = 0,
+    draw: Annotated[
+        int,
+        typer.Option(min=0, max=1000, help="Number of the draw; another number makes other scenes of the same groups."),
+    ] = 0,
     profile: Annotated[str, typer.Option(help="Name, or FILE.toml.")] = DEFAULT_PROFILE,
     workers: Annotated[int, typer.Option(min=1, help="Scenes at a time, each in its own process.")] = 2,
-    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no scene later than that.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="Minutes after which no further scene is begun.")] = None,
     keep: Annotated[bool, typer.Option("--keep", help="Keep the scenes' files and products.")] = False,
     json: Annotated[bool, typer.Option("--json", help="The figures as one JSON object on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,

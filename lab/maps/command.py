@@ -11,7 +11,7 @@ Views = Annotated[int, typer.Option(min=2, max=57, help="How many of the paper's
 
 def mosaic(
     views: Views = 57,
-    resolution: Annotated[str, typer.Option(help="Of the map, as `planetpose mosaic` takes it.")] = "4ppd",
+    resolution: Annotated[str, typer.Option(help="Resolution of the map, as for `planetpose mosaic`.")] = "4ppd",
     json: Json = False,
 ) -> None:
     """Mosaics of the paper's views, rendered with a law of another implementation, against the albedo that was planted.
@@ -82,7 +82,7 @@ def control(
 def improve_map(
     archive: Annotated[Path, typer.Argument(help="Folder that `planetpose simulate` wrote.", show_default=False)],
     store: Annotated[Path, typer.Argument(help="Store of its images, corrected.", show_default=False)],
-    resolution: Annotated[str, typer.Option(help="Of the map, as `planetpose improve-map` takes it.")] = "3ppd",
+    resolution: Annotated[str, typer.Option(help="Resolution of the map, as for `planetpose improve-map`.")] = "3ppd",
     rounds: Annotated[int, typer.Option(min=1, help="At most.")] = 5,
     json: Json = False,
 ) -> None:

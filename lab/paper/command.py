@@ -14,7 +14,8 @@ def register(app: typer.Typer) -> None:
 def paper(
     out: Annotated[Path, typer.Option(help="Folder for index.html, paper.json and figures.")] = Path("out/paper"),
     only: Annotated[
-        str | None, typer.Option(metavar="NAME[,NAME]", help="Only these parts; an unknown name lists all.")
+        str | None,
+        typer.Option(metavar="NAME[,NAME]", help="Only these parts; an unknown name prints the list of all parts."),
     ] = None,
     evaluation: Annotated[
         Path | None, typer.Option(exists=True, file_okay=False, help="Folder written by `planetpose evaluate`.")
@@ -22,7 +23,7 @@ def paper(
     json: Annotated[bool, typer.Option("--json", help="paper.json as one line on stdout.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
-    """Repeat the paper's tables and figures, with its number, ours and the difference, in one report."""
+    """Repeat the paper's tables and figures in one report: its figure, ours, and the difference."""
     import sys
     from json import loads
 

@@ -70,6 +70,10 @@ class Api:
         self._call("PATCH", path, {"parameters": {**found["parameters"], **parameters}})
         self.post(f"{path}/schedules", [{"active": True, "schedule": {"interval": every_s}}])
 
+    def let_run(self, pool: str, runs: int) -> None:
+        """How many runs of a work pool may be at work at a time."""
+        self._call("PATCH", f"/work_pools/{pool}", {"concurrency_limit": runs})
+
     def pause(self, deployment: str) -> None:
         """Let its schedule rest; runs that are only planned are forgotten."""
         self.post(f"/deployments/{self._deployment(deployment)['id']}/pause_deployment", {})

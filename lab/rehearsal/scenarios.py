@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from flows.options import BOOKS
 from lab.rehearsal.deployment import ENDED, POOL, Api, products, set_up
 from lab.rehearsal.postgres import PrivatePostgres
 from lab.rehearsal.processes import Installation, RehearsalError, Session, wait_until
 from lab.simulate.small_archive import LIST, PROFILE_FILE, write_small_archive
+from tasks.outcomes import all_outcomes
 
-DEPLOYMENT = "nightly"
+DEPLOYMENT, PART = "nightly", "part"
 EVERY_S = 5.0
 DATABASE_AWAY_S = 5.0
 RUN_TIMEOUT_S = 300.0
@@ -144,6 +146,22 @@ def worker_is_lost(on: Stage) -> dict[str, Any]:
     return _reported(on, "worker", again, first_run=first, noticed_s=round(noticed, 1), published_before=before)
 
 
+def parts_are_shared(on: Stage) -> dict[str, Any]:
+    """Two workers take a run each, of one half of the list each, into one store."""
+    place, begun = "parts", []
+    on.api.let_run(POOL, 2)
+    second = on.installation.start_worker(POOL)
+    for part in ("1/2", "2/2"):
+        begun.append(on.api.start(PART, on.parameters(place) | {"part": part}))
+    states = [on.ended(run) for run in begun]
+    second.end()
+    on.api.let_run(POOL, 1)
+    done = [outcome.run for outcome in all_outcomes(on.store(place) / BOOKS)]
+    shares = [done.count(run) for run in sorted(set(done))]
+    found = _reported(on, place, states[0], second_run=states[1], shares=shares)
+    return found | {"good": found["good"] and set(states) == {"COMPLETED"} and len(shares) == 2}
+
+
 def _reported(on: Stage, place: str, state: str, **figures: Any) -> dict[str, Any]:
     sound = on.sound(place)
     return {
@@ -160,6 +178,7 @@ SCENARIOS: dict[str, Callable[[Stage], dict[str, Any]]] = {
     "database restarts": database_restarts,
     "server is killed": server_is_killed,
     "worker is lost": worker_is_lost,
+    "parts are shared": parts_are_shared,
 }
 
 

@@ -1,12 +1,17 @@
 """planetpose sensitivity"""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+if TYPE_CHECKING:
+    from lab.sensitivity.run import Row
+
 # Small disks of three laws, phases and lenses, with good and rough metadata.
 SCENES = ("laws-032", "laws-104", "laws-140")
+# One of each kind that a threshold guards against; those that decide nothing on the scenes above are tried on these.
+KINDS = ("smeared-002", "wrong-map-002", "detector-002", "small-002", "no-map-004", "distorted-002", "cut-003")
 
 
 def register(app: typer.Typer) -> None:
@@ -17,17 +22,20 @@ def register(app: typer.Typer) -> None:
 def sensitivity(
     out: Annotated[Path, typer.Option(help="The page that is written, Markdown.")] = Path("out/sensitivity.md"),
     scene: Annotated[
-        list[str] | None, typer.Option(help="This scene of the honesty benchmark; repeat for more.")
+        list[str] | None, typer.Option(help="This scene of the honesty benchmark, and no other; repeat for more.")
     ] = None,
     only: Annotated[
         list[str] | None, typer.Option(help="This threshold (PART.NAME, as iteration.stale_px); repeat for more.")
     ] = None,
     profile: Annotated[str, typer.Option(help="Name, or FILE.toml, whose joint settings are tried.")] = "joint",
-    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no threshold later than that.")] = None,
+    minutes: Annotated[
+        float | None, typer.Option(min=0, help="Minutes of each part after which no further threshold is begun.")
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:
     """Halve and double each threshold of the joint step on images with known truth; write what that does to errors and
-    their calibration. One process; about three minutes for each ten thresholds."""
+    their calibration. First on small disks; then those that decide nothing there, on a scene of each kind of fault.
+    One process, about half an hour."""
     import sys
 
     from catalog.errors import RefusedError
@@ -37,18 +45,23 @@ def sensitivity(
     from lab.sensitivity.cases import cases_of
     from lab.sensitivity.run import sensitivity as rows_of
     from lab.sensitivity.run import threshold_names
-    from lab.sensitivity.table import page
+    from lab.sensitivity.table import idle, page
 
-    scenes = scene or list(SCENES)
-    for given, known in ((scenes, {row.id for row in all_scenes()}), (only or [], set(threshold_names()))):
+    for given, known in ((scene or [], {row.id for row in all_scenes()}), (only or [], set(threshold_names()))):
         if unknown := sorted(set(given) - known):
             near = ", ".join(sorted(known)[:3])
             raise RefusedError(Reason.PART_UNKNOWN, f"there is no {', '.join(unknown)}.", f"Known are {near}, ...")
     settings = usable_profile(profile, None).joint
     tell = (lambda _: None) if quiet else (lambda text: print(text, file=sys.stderr, flush=True))
-    rows = []
-    for row in rows_of(cases_of(scenes), settings, minutes, tell, only):
-        rows.append(row)
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(page(rows, scenes), encoding="utf-8")
+    parts: list[tuple[str, list[Row], list[str]]] = []
+    for title, scenes in (("Scenes given", scene),) if scene else (("Small disks", SCENES), ("Kinds of fault", KINDS)):
+        names = idle(parts[-1][1]) if parts else only
+        if names == []:
+            break
+        rows: list[Row] = []
+        parts.append((title, rows, list(scenes)))
+        for row in rows_of(cases_of(scenes), settings, minutes, tell, names):
+            rows.append(row)
+            out.parent.mkdir(parents=True, exist_ok=True)
+            out.write_text(page(parts), encoding="utf-8")
     print(out)

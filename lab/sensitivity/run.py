@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ValidationError
 
 from catalog.errors import FailedError
+from lab.honesty.assess import orientation, stated_covariance
 from lab.sensitivity.cases import Case
 from lab.simulate.plant import pose_error
 from tasks.joint import JointSettings, find_pose_jointly
@@ -27,19 +28,26 @@ SECOND = ("second_", "disagreement_px", "surely_worse", "starts_conflict_sigmas"
 
 @dataclass(frozen=True)
 class Outcome:
-    """Of one image: error and stated 1-sigma (3,) of the centre's x and y and of the limb by the range, px; whether the
-    result was doubted. NaN where the step failed."""
+    """Of one image: error and stated 1-sigma (6,) of the centre's x and y and of the limb by the range, px, and of the
+    body's turn in the camera: two components across the line of sight and one about it, degrees; whether the result
+    was doubted. NaN where the step failed, or states nothing."""
 
     error: Array
     sigma: Array
     doubted: bool
 
+    @property
+    def failed(self) -> bool:
+        """Whether there is no result."""
+        return bool(np.isnan(self.error).all())
+
 
 @dataclass(frozen=True)
 class Row:
-    """One threshold times `factor`: its value; moved_sigmas: the largest change of centre or limb, in the sigmas of the
-    settings as they are; widened: the largest change of a stated sigma, relative; rms_px, rms_z: errors and errors over
-    sigmas of all images; doubts, failed: images."""
+    """One threshold times `factor`: its value; moved_sigmas: the largest change of centre, limb or orientation, in the
+    sigmas of the settings as they are; widened: the largest change of a stated sigma, relative; rms_px: errors of
+    centre and limb of all images; rms_z: all errors over their sigmas; doubts, failed: images; verdicts: images whose
+    doubt or failure is not that of the settings as they are."""
 
     name: str
     default: Any
@@ -50,6 +58,12 @@ class Row:
     rms_z: float
     doubts: int
     failed: int
+    verdicts: int = 0
+
+    @property
+    def weight(self) -> float:
+        """The largest of the changes; a changed verdict counts as 1."""
+        return max(abs(self.moved_sigmas), abs(self.widened), self.verdicts)
 
 
 def threshold_names() -> list[str]:
@@ -96,12 +110,18 @@ def outcome(case: Case, settings: JointSettings) -> Outcome:
     try:
         found = find_pose_jointly(case.observation, case.start, case.predicted, "file", case.scene, settings)
     except FailedError:
-        return Outcome(np.full(3, np.nan), np.full(3, np.nan), True)
+        return Outcome(np.full(6, np.nan), np.full(6, np.nan), True)
     error = pose_error(found.pose, case.truth, camera, target)
     radius = disk_radius_px(case.truth, camera, target)
     stated = found.uncertainty
-    sigma = np.array([*stated["offset_px"], (stated["range_factor"] or np.nan) * radius], np.float64)
-    return Outcome(np.array([*error.centre_px, error.range * radius]), sigma, bool(found.evidence.get("doubt")))
+    covariance = stated_covariance({**stated, "centre_px": stated["offset_px"]}, found.evidence["covariance"])
+    turned = orientation(found.pose.to_dict(), case.truth.to_dict(), covariance, stated)
+    turns = [turned[key] for key in ("across_deg", "roll_deg")]
+    unknown = ([np.nan] * 2, [np.nan])
+    turn_sigmas = [turn["sigma"] or none for turn, none in zip(turns, unknown, strict=True)]
+    sigma = np.hstack([stated["offset_px"], (stated["range_factor"] or np.nan) * radius, *turn_sigmas])
+    errors = np.hstack([error.centre_px, error.range * radius, *(turn["error"] for turn in turns)])
+    return Outcome(errors, sigma.astype(np.float64), bool(found.evidence.get("doubt")))
 
 
 def sensitivity(
@@ -143,10 +163,11 @@ def row_of(name: str, default: Any, factor: float, before: Sequence[Outcome], af
         factor,
         largest(moved),
         largest(widened),
-        float(np.sqrt(np.nanmean(errors**2))),
+        float(np.sqrt(np.nanmean(errors[:, :3] ** 2))),
         float(np.sqrt(np.nanmean((errors / sigmas) ** 2))),
         sum(each.doubted for each in after),
-        sum(bool(np.isnan(each.error).all()) for each in after),
+        sum(each.failed for each in after),
+        sum((a.doubted, a.failed) != (b.doubted, b.failed) for a, b in zip(after, before, strict=True)),
     )
 
 

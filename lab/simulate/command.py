@@ -14,14 +14,14 @@ def register(app: typer.Typer) -> None:
 def simulate(
     catalog: Annotated[str, typer.Argument(help="What to simulate: europa57.")],
     out: Annotated[Path, typer.Option(help="Folder for the files.")],
-    seed: Annotated[int, typer.Option(min=0, help="Another seed: other errors, surfaces and noise.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the errors, surfaces and noise.")] = 1,
     only: Annotated[list[str] | None, typer.Option(help="This product; repeat for more.")] = None,
     camera: Annotated[list[str] | None, typer.Option(help="This camera; repeat for more.")] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="At most so many images.")] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Largest number of images.")] = None,
     matched: Annotated[
-        bool, typer.Option("--matched", help="Surface, map, PSF and distortion are what the corrections assume.")
+        bool, typer.Option("--matched", help="Surface, map, PSF and distortion are those that the corrections assume.")
     ] = False,
-    map: Annotated[Path | None, typer.Option(help="Map that the true surface has.")] = None,
+    map: Annotated[Path | None, typer.Option(help="Map of the true surface.")] = None,
     map_left_edge_deg: Annotated[float, typer.Option(help="East longitude of that map's left edge.")] = 0.0,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:

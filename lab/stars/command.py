@@ -7,7 +7,7 @@ import typer
 
 
 def stars(
-    frames: Annotated[int, typer.Option(min=1, help="How many, over all cameras and kinds in turn.")] = 100,
+    frames: Annotated[int, typer.Option(min=1, help="Number of frames, over all cameras and kinds in turn.")] = 100,
     seed: Annotated[int, typer.Option(min=0, help="Of the frames.")] = 1,
     kind: Annotated[
         list[str] | None, typer.Option(help="stars, no stars, stars elsewhere or wrong cone; repeat for more.")
@@ -15,7 +15,7 @@ def stars(
     rows: Annotated[
         Path | None, typer.Option(help="File of a line of JSON per frame; frames that it has are not drawn again.")
     ] = None,
-    minutes: Annotated[float | None, typer.Option(min=0, help="Begin no frame later than that.")] = None,
+    minutes: Annotated[float | None, typer.Option(min=0, help="Minutes after which no further frame is begun.")] = None,
     json: Annotated[bool, typer.Option("--json", help="One JSON object per frame, then the figures.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress on stderr.")] = False,
 ) -> None:

@@ -99,8 +99,8 @@ def doubtful_target(accept: AcceptSettings, report: ValidateResult, predicted: P
     """The doubt that the image is of another body, where nothing tells that it is the target: no markings match, and
     how far it is was not known beforehand."""
     source, errors = predicted.sources["target_from_spacecraft_km"], predicted.errors
-    confirmed = report.patches is not None or report.orientation.verdict in ("matched", "mismatched")
-    if confirmed or source not in ASSUMED:
+    by_markings = report.patches is not None or report.orientation.verdict in ("matched", "mismatched")
+    if by_markings or (report.orientation.sigmas or 0.0) >= accept.sure_markings or source not in ASSUMED:
         return None
     scales = {"range_km": predicted.pose.range_km, "range_share": 1.0}
     stated = [errors[name] / scale for name, scale in scales.items() if name in errors]

@@ -16,7 +16,8 @@ class AcceptSettings(BaseModel):
     not tested. sure_psf: a solution with a PSF so many times as wide as the limb shows is doubtful (images of another
     renderer, sharp, smeared and blurred by up to 6 px: at most 1.4; a Sun that is 10 deg off: 3.7). sure_range: where
     no markings show which body it is, a range that is stated to be known so well, relative, does: moons of one planet
-    mostly differ by more in their radii."""
+    mostly differ by more in their radii. sure_markings: markings that correlate with the map's by so many sigmas of
+    chance do, too, though they do not single out the orientation (chance: 1 in 700)."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     max_limb_rms_px: float | None = Field(3.0, gt=0)
@@ -27,6 +28,7 @@ class AcceptSettings(BaseModel):
     require_limb: bool = True
     sure_blur: float = Field(2.5, gt=1)
     sure_psf: float = Field(2.0, gt=1)
+    sure_markings: float = Field(3.0, gt=0)
     sure_range: float = Field(0.05, gt=0)
     sure_blocks: float = Field(1.6, gt=1)
     min_likeness: float = Field(0.6, ge=-1, le=1)

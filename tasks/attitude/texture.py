@@ -13,7 +13,7 @@ from catalog.pose import Pose
 from catalog.robust import huber_weight, sigma_about_zero
 from tasks.compare.occulted import light_behind
 from tasks.compare.reduce import reduced_observation, reduced_scene
-from tasks.geometry.bilinear import map_values
+from tasks.geometry.bilinear import values_towards
 from tasks.project.points import body_points
 from tasks.simulate import Scene
 from tasks.simulate.coarse_map import map_as_coarse_as
@@ -213,8 +213,7 @@ def fitted_shading(laws: Array, seen: Array, noise: Array, mu0: Array) -> tuple[
 
 def sampled(albedo: NDArray[np.float32], left_edge_deg: float, points: Array) -> Array:
     """Map value (n,) at directions (n, 3)."""
-    x, y, z = points.T
-    return map_values(albedo, left_edge_deg, np.degrees(np.arcsin(np.clip(z, -1, 1))), np.degrees(np.arctan2(y, x)))
+    return values_towards(albedo, left_edge_deg, points)
 
 
 def flipped_about(

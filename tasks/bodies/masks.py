@@ -11,9 +11,9 @@ from catalog.pose import Pose
 from catalog.target import Target
 from tasks.bodies.placed import Body, bodies_of, in_frame
 from tasks.bodies.seen import seen_by_frame
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.project.curves import limb
 from tasks.simulate import Scene
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.window import Window, target_window
 
 Mask = NDArray[np.bool_]

@@ -10,7 +10,7 @@ from catalog.camera import Camera
 from catalog.placed_body import PlacedBody
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.bodies.settings import OtherBodiesSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.shine import counts, shine_of
 
 Array = NDArray[np.float64]

@@ -53,17 +53,33 @@ def coherent_px(residual: Array, angle_deg: Array, unknowns: int = 3) -> float:
     """By how much arcs of RELIEF_ARC_DEG lie off as a whole, px RMS, in a residual (n,) left by a fit of so many
     unknowns: the arcs' means beyond what segments that err on their own leave in them, and beyond EDGE_PX. 0 where
     there are too few arcs to tell."""
+    means = arc_means(residual, angle_deg, unknowns)
+    return 0.0 if means is None else float(np.sqrt(max(means[0] - means[1] - EDGE_PX**2, 0.0)))
+
+
+def most_coherent_px(residual: Array, angle_deg: Array, unknowns: int = 3) -> float:
+    """By how much they do at most, px RMS: errors of the edges that are the same along an arc only add to what is seen.
+    EDGE_PX, which may hide as much, where there are too few arcs to tell."""
+    means = arc_means(residual, angle_deg, unknowns)
+    if means is None:
+        return EDGE_PX
+    return float(np.sqrt(min(means[0], max(means[0] - means[1], EDGE_PX**2))))
+
+
+def arc_means(residual: Array, angle_deg: Array, unknowns: int) -> tuple[float, float] | None:
+    """Mean square of the arcs' means, px2, and the part of it that segments leave which err on their own; None where
+    there are too few arcs to tell."""
     arc = (angle_deg // RELIEF_ARC_DEG).astype(np.int64)
     count, total = np.bincount(arc), np.bincount(arc, residual)
     full = count >= FEWEST_IN_ARC
     arcs, kept = int(full.sum()), full[arc]
     if arcs <= unknowns:
-        return 0.0
+        return None
     mean = np.divide(total, count, out=np.zeros(len(count)), where=full)
     own = float(np.sum((residual - mean[arc])[kept] ** 2)) / max(int(kept.sum()) - arcs, 1)
     of_arcs = float(count[full] @ mean[full] ** 2) / kept.sum() * arcs / (arcs - unknowns)
     by_chance = CORRELATED_SEGMENTS * own * arcs / kept.sum()
-    return float(np.sqrt(max(of_arcs - by_chance - EDGE_PX**2, 0.0)))
+    return of_arcs, by_chance
 
 
 def relief_covariance(design: Array, angle_deg: Array, relief_px: float) -> Array:

@@ -1,12 +1,17 @@
 """Normal equations of a robust fit in one pass over the pixels, compiled by numba: no copies of the design."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.compiled import compiled
+from tasks.compiled import compiled, compiled_reordered
+
+# So many pixels at a time that the fastest cache holds their columns.
+BLOCK = 256
 
 
-@compiled
+@compiled_reordered
 def accumulate(design, values, weight, solution, limit):  # type: ignore[no-untyped-def]
     """Weighted normal matrix (n, n), right side (n,) and weighted sum of squared residuals.
 
@@ -16,25 +21,40 @@ def accumulate(design, values, weight, solution, limit):  # type: ignore[no-unty
     n, pixels = design.shape
     normal = np.zeros((n, n))
     right = np.zeros(n)
-    row = np.zeros(n)
+    rows, value, w, left = np.zeros((n, BLOCK)), np.zeros(BLOCK), np.zeros(BLOCK), np.zeros(BLOCK)
+    weighted = np.zeros(BLOCK)
     chi_square = 0.0
-    for i in range(pixels):
-        base = np.float64(weight[i])
-        if base <= 0:
-            continue
-        model = 0.0
+    begin = 0
+    while begin < pixels:
+        size = min(BLOCK, pixels - begin)
+        # What pixels without weight hold, if only NaN, must not count.
+        for i in range(size):
+            w[i] = max(np.float64(weight[begin + i]), 0.0)
+            value[i] = np.float64(values[begin + i]) if w[i] > 0 else 0.0
+            left[i] = value[i]
         for j in range(n):
-            row[j] = design[j, i]
-            model += row[j] * solution[j]
-        residual = values[i] - model
-        size = abs(residual) * np.sqrt(base)
-        w = base if size <= limit else base * limit / size
-        chi_square += w * residual * residual
+            row, share = rows[j], solution[j]
+            for i in range(size):
+                row[i] = np.float64(design[j, begin + i]) if w[i] > 0 else 0.0
+                left[i] -= share * row[i]
+        for i in range(size):
+            off = abs(left[i]) * math.sqrt(w[i])
+            w[i] = w[i] if off <= limit else w[i] * limit / off
+            chi_square += w[i] * left[i] * left[i]
         for j in range(n):
-            wr = w * row[j]
-            right[j] += wr * values[i]
+            row = rows[j]
+            total = 0.0
+            for i in range(size):
+                weighted[i] = w[i] * row[i]
+                total += weighted[i] * value[i]
+            right[j] += total
             for k in range(j + 1):
-                normal[j, k] += wr * row[k]
+                other = rows[k]
+                total = 0.0
+                for i in range(size):
+                    total += weighted[i] * other[i]
+                normal[j, k] += total
+        begin += size
     for j in range(n):
         for k in range(j):
             normal[k, j] = normal[j, k]

@@ -1,7 +1,8 @@
 """Which explanation is the image's, and its message."""
 
+from statistics import NormalDist
+
 import numpy as np
-from scipy.special import ndtri
 
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
@@ -99,7 +100,7 @@ def is_better(e: Explanation, other: Explanation, all_tried: Tried, settings: Di
     if e.fit is None or other.fit is None:
         return False
     ratio, sigmas = better_by(e.fit, other.fit)
-    return ratio >= settings.better and sigmas >= -ndtri(settings.false_alarm / all_tried.hypotheses)
+    return ratio >= settings.better and sigmas >= -NormalDist().inv_cdf(settings.false_alarm / all_tried.hypotheses)
 
 
 def is_no_chance(e: Explanation, all_tried: Tried, settings: DiagnoseSettings) -> bool:

@@ -1,5 +1,7 @@
 """The value of a map of the whole body between its pixels."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -62,3 +64,21 @@ def map_values(albedo: NDArray[np.float32], left_edge_deg: float, latitude_deg: 
 def _map_values(albedo, left_edge_deg, latitude_deg, longitude_deg, out):  # type: ignore[no-untyped-def]
     for i in range(out.size):
         out[i] = bilinear_at(albedo, left_edge_deg, latitude_deg[i], longitude_deg[i])
+
+
+def values_towards(albedo: NDArray[np.float32], left_edge_deg: float, directions: Array) -> Array:
+    """The same (n,) at body-fixed directions (n, 3) of any length."""
+    px, py, pz = np.ascontiguousarray(directions.T, np.float64)
+    out = np.empty(len(px))
+    _values_towards(np.ascontiguousarray(albedo, np.float32), float(left_edge_deg) % 360.0, px, py, pz, out)
+    return out
+
+
+@compiled_reordered
+def _values_towards(albedo, left_edge_deg, px, py, pz, out):  # type: ignore[no-untyped-def]
+    flat, x, y = np.empty(len(out)), np.empty(len(out)), np.empty(len(out))
+    for i in range(len(out)):
+        flat[i] = max(math.sqrt(px[i] * px[i] + py[i] * py[i]), 1e-300)
+    places_on_map(px, py, pz, flat, 0, len(out), left_edge_deg, albedo, x, y)
+    for i in range(len(out)):
+        out[i] = bilinear(albedo, x[i], y[i])

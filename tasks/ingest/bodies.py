@@ -14,7 +14,7 @@ from catalog.reasons import Reason
 from catalog.spice_bodies import bodies_from_loaded, seeing_each_other
 from catalog.target import Target, find_target, further_targets, known_targets
 from tasks.bodies.placed import DEFAULTS, relevant
-from tasks.bodies.settings import OtherBodiesSettings
+from tasks.simulate.others import OtherBodiesSettings
 
 NO_BODIES = "none"
 

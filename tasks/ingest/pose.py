@@ -25,9 +25,9 @@ from catalog.spice_pose import LIGHT_KM_PER_S, pose_parts_from_loaded
 from catalog.target import Target
 from catalog.times import utc_from_et
 from tasks.bodies.placed import DEFAULTS
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.ingest.bodies import bodies_of_image, candidates_for
 from tasks.ingest.carried import orientation_of_header, parts_of_pds4, parts_of_pose_file, parts_of_tables
+from tasks.simulate.others import OtherBodiesSettings
 
 # Labels state start, middle or readout of an exposure; missions' clocks differ from ALE's by up to some seconds.
 SAME_EXPOSURE_S = 60.0

@@ -6,11 +6,11 @@ from pathlib import Path
 from pydantic import Field
 
 from catalog.target import Target, find_target
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.fields import CameraField, Content, PlainJson, PoseField
 from tasks.image_file import ImageFiles, ImageInputs, frame_of
 from tasks.ingest.pose import initial_pose
 from tasks.priors import PriorSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.step import StepType
 from tasks.work import Work
 

@@ -58,7 +58,7 @@ def find_disks(edges: Edges, settings: LimbSearchSettings, radius_px: float | No
         circles = np.column_stack([xy + radius_px * inward, np.full(len(xy), radius_px)])
     if not len(circles):
         return []
-    least_deg = ARC_SHARE * (settings.arc_deg if radius_px is None else settings.known_arc_deg)
+    least_deg = ARC_SHARE * settings.known_arc_deg
     scores = np.array([0.0] * len(circles))
     for first in range(0, len(circles), CHUNK):
         part = circles[first : first + CHUNK]

@@ -14,7 +14,7 @@ from tasks.initial_pose.disk import Disk, find_disks, lit_outside
 from tasks.initial_pose.edges import Edges, edges_of, values_at
 from tasks.initial_pose.limb import Limb, limb_along
 from tasks.initial_pose.settings import LimbSearchSettings
-from tasks.initial_pose.sun import LEAST_SHARE, LEAST_SHARE_KNOWN, SunInDisk, sun_of_disk
+from tasks.initial_pose.sun import SunInDisk, sun_of_disk
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,10 @@ def find_outline(
     outlines = [each for disk in disks if (each := outline_of(edges, disk, target, radius_px))]
     outlines.sort(key=lambda each: -each.quality)
     least_deg = settings.arc_deg if radius_px is None else settings.known_arc_deg
-    borne_out = [each for each in outlines if is_borne_out(each, least_deg, settings)]
+    least_share = settings.disk_share if radius_px is None else 0.0
+    borne_out = [
+        each for each in outlines if is_borne_out(each, least_deg, settings) and each.sun.disk_share >= least_share
+    ]
     if not borne_out:
         short = next((each for each in outlines if is_lit_disk(each, settings)), None)
         raise limb_missing(short, least_deg, settings)
@@ -87,8 +90,7 @@ def find_outline(
 def outline_of(edges: Edges, disk: Disk, target: Target, radius_px: float | None = None) -> Outline | None:
     """The outline near a disk; None where there is no limb, or too little of disk and sky."""
     limb = limb_along(edges, disk, target, None, radius_px)
-    least_share = LEAST_SHARE if radius_px is None else LEAST_SHARE_KNOWN
-    sun = None if limb is None else sun_of_disk(edges, limb, least_share)
+    sun = None if limb is None else sun_of_disk(edges, limb)
     nearly_full = False
     for _ in range(ROUNDS):
         if limb is None or sun is None:
@@ -101,7 +103,7 @@ def outline_of(edges: Edges, disk: Disk, target: Target, radius_px: float | None
             # The sunlit half lies outside the frame: what is seen is the terminator, no more than that inside the limb.
             limb, nearly_full = whole.with_error(TERMINATOR_TIMES * inside_px, inside_px), True
             break
-        sun = None if limb is None else sun_of_disk(edges, limb, least_share)
+        sun = None if limb is None else sun_of_disk(edges, limb)
     if limb is None or sun is None:
         return None
     outside = lit_outside(edges, limb.centre_px, limb.mean_px)
@@ -173,10 +175,12 @@ def limb_missing(short: Outline | None, least_deg: float, settings: LimbSearchSe
             f"{2 * settings.least_radius_px:g} px and crescents thinner than {CRESCENT_PX} px are not looked for).",
             REMEDY,
         )
+    limb, share = short.limb, short.sun.disk_share
     return RefusedError(
         Reason.LIMB_TOO_SHORT,
-        f"only {short.limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * short.limb.mean_px:.0f} px across; "
-        f"their scatter leaves its radius to {short.limb.arc_sigma:.1%} (needed: {least_deg:g} deg and "
-        f"{settings.radius_sigma:.0%}).",
+        f"only {limb.arc_deg:.0f} deg of a limb are seen, of a disk some {2 * limb.mean_px:.0f} px across ({share:.0%} "
+        f"of it in the frame); their scatter leaves its radius to {limb.arc_sigma:.1%} (needed: {least_deg:g} deg, "
+        f"{settings.disk_share:.0%} and {settings.radius_sigma:.0%}; with a range from kernels "
+        f"{settings.known_arc_deg:g} deg).",
         REMEDY,
     )

@@ -8,13 +8,13 @@ class LimbSearchSettings(BaseModel):
     pairs of edge points that a circle is tried through. tolerance_px, tolerance_share: how far from a circle its
     points lie at most, pixels and share of its radius (an oblate body's limb is none). least_radius_px: smaller
     disks are not looked for. arc_deg: the limb's least extent, known_arc_deg: the same where kernels give the
-    range. radius_sigma: the largest 1-sigma of the radius, relative, that an arc may leave: the corrections
-    search the range within a few per cent. outside_share: brightness outside an edge, as a share of that inside,
-    above which it is none of a limb. Of a disk, likeness: the least correlation of the image with a lit sphere
-    of its limb and the sky around it (bodies on 14 real frames: 0.81 and more; craters and clouds: 0.75 and
-    less, but for specks); lit_share: the least part of its sunlit limb within the frame that is an edge;
-    sky_share: the brightest sky beside its limb, as a share of the brightness inside; ring_share: the largest
-    part of a ring around it that is lit."""
+    range. disk_share: the least part of a disk of unknown range in the frame. radius_sigma: the largest 1-sigma
+    of the radius, relative, that an arc may leave: the corrections search the range within a few per cent.
+    outside_share: brightness outside an edge, as a share of that inside, above which it is none of a limb. Of a
+    disk, likeness: the least correlation of the image with a lit sphere of its limb and the sky around it
+    (bodies on 14 real frames: 0.81 and more; craters and clouds: 0.75 and less, but for specks); lit_share: the
+    least part of its sunlit limb within the frame that is an edge; sky_share: the brightest sky beside its limb,
+    as a share of the brightness inside; ring_share: the largest part of a ring around it that is lit."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     edge_sigmas: float = Field(6.0, gt=0)
@@ -25,6 +25,7 @@ class LimbSearchSettings(BaseModel):
     arc_deg: float = Field(45.0, gt=0, le=360)
     known_arc_deg: float = Field(20.0, gt=0, le=360)
     radius_sigma: float = Field(0.04, gt=0)
+    disk_share: float = Field(0.15, ge=0, le=1)
     outside_share: float = Field(0.85, gt=0, le=1)
     likeness: float = Field(0.78, ge=0, le=1)
     lit_share: float = Field(0.6, ge=0, le=1)

@@ -18,8 +18,8 @@ PHASES_DEG, AZIMUTHS_DEG = np.arange(5.0, 176.0, 10.0), np.arange(0.0, 360.0, 15
 ROUNDS = 7
 # How many parts of a disk err on their own, by markings and laws.
 INDEPENDENT = 60.0
-# So much of the disk must be in the frame for its shading to show a body; the same of one whose radius is known.
-LEAST_SHARE, LEAST_SHARE_KNOWN = 0.15, 0.01
+# Less of a disk in the frame shows no shading.
+LEAST_SHARE = 0.01
 # Largest 1-sigma, where nothing tells.
 UNKNOWN_DEG = 60.0
 
@@ -27,19 +27,21 @@ UNKNOWN_DEG = 60.0
 @dataclass(frozen=True)
 class SunInDisk:
     """azimuth_deg: where the light comes from in the image, from +x towards +y; phase_deg: phase angle; their 1-sigma,
-    by what markings and laws leave. likeness: correlation of image and shaded disk, sky around it included."""
+    by what markings and laws leave. likeness: correlation of image and shaded disk, sky around it included. disk_share:
+    part of the disk that is in the frame."""
 
     azimuth_deg: float
     phase_deg: float
     azimuth_sigma_deg: float
     phase_sigma_deg: float
     likeness: float
+    disk_share: float
 
 
-def sun_of_disk(edges: Edges, limb: Limb, least_share: float = LEAST_SHARE) -> SunInDisk | None:
+def sun_of_disk(edges: Edges, limb: Limb) -> SunInDisk | None:
     """The direction of the light with which a sphere of a mixture of photometric laws of positive weights looks most
-    like the image; None where too little of disk and sky is in the frame: of the disk less than least_share."""
-    samples = Samples.of(edges, limb, least_share)
+    like the image; None where too little of disk and sky is in the frame."""
+    samples = Samples.of(edges, limb)
     if samples is None:
         return None
     grid = [(a, p) for p in PHASES_DEG for a in AZIMUTHS_DEG]
@@ -58,7 +60,7 @@ def sun_of_disk(edges: Edges, limb: Limb, least_share: float = LEAST_SHARE) -> S
     total = samples.total
     sigma = [samples.sigma(azimuth, phase, least, axis) for axis in (0, 1)]
     likeness = float(np.sqrt(max(1 - least / total, 0.0))) if total > 0 else 0.0
-    return SunInDisk(azimuth % 360, float(phase), sigma[0], sigma[1], likeness)
+    return SunInDisk(azimuth % 360, float(phase), sigma[0], sigma[1], likeness, samples.disk_share)
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,7 @@ class Samples:
     value: Array
 
     @classmethod
-    def of(cls, edges: Edges, limb: Limb, least_share: float) -> "Samples | None":
+    def of(cls, edges: Edges, limb: Limb) -> "Samples | None":
         """Of the disk and the sky around it, as far as they are in the frame; None where that is too little."""
         import cv2
 
@@ -88,7 +90,7 @@ class Samples:
         chosen = (x >= 0) & (y >= 0) & (x <= nx - 1) & (y <= ny - 1) & (np.abs(distance - 1) > RIM) & (distance < REACH)
         chosen &= values_at(edges.usable.astype(np.float32), x, y) > 0.5
         inside = chosen & (distance < 1)
-        if inside.sum() < least_share * np.pi * (ACROSS / 2) ** 2 or (chosen & (distance > 1)).sum() < 20:
+        if inside.sum() < LEAST_SHARE * np.pi * (ACROSS / 2) ** 2 or (chosen & (distance > 1)).sum() < 20:
             return None
         u, v, distance = u[chosen], v[chosen], distance[chosen]
         seen = values_at(smooth, x[chosen], y[chosen]).astype(np.float64)
@@ -97,6 +99,11 @@ class Samples:
         seen[distance > 1] = np.minimum(sky, np.percentile(sky, 98))
         w = np.where(distance < 1, np.sqrt(np.maximum(1 - distance**2, 0)), 0)
         return cls(u, v, w, seen - seen.mean())
+
+    @property
+    def disk_share(self) -> float:
+        """Part of the disk that the samples cover."""
+        return min(float((self.w > 0).sum() / (np.pi * (ACROSS / 2) ** 2)), 1.0)
 
     @property
     def total(self) -> float:

@@ -38,7 +38,8 @@ class Estimate:
     noise: (8, 8) the part of the pixels' noise, which another exposure draws anew.
     bending: what the disk shows of it; the states are those of the image without it. None where none is known.
     linearity: what the disk shows of the detector. displacement: what limb and markings show of a distortion; None
-    where its error is known beforehand."""
+    where its error is known beforehand. relief_px: by how much arcs of the limb lie off as a whole, see
+    `coherent_px`."""
 
     free: Solution
     shown: Array
@@ -51,6 +52,7 @@ class Estimate:
     bending: Bending | None = None
     linearity: Linearity | None = None
     displacement: Displacement | None = None
+    relief_px: float = 0.0
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -97,7 +99,8 @@ def estimated(given: Problem, start: State) -> Estimate:
     own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     limb = limb_seen(free, level)
-    common = of_bending + of_the_body(scene.target, radius, response, limb.coherent_px if limb else 0.0)
+    relief_px = limb.coherent_px if limb else 0.0
+    common = of_bending + of_the_body(scene.target, radius, response, relief_px)
     common += of_the_camera(scene.camera)
     linearity = linearity_of(free)
     by_detector = level.step_up(linearity.moved)
@@ -115,8 +118,8 @@ def estimated(given: Problem, start: State) -> Estimate:
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
     noise = level.covariance_up(noise_covariance(free.problem, free.fit, np.asarray(free.data.variance, np.float64)))
-    estimate = Estimate(free, shown, state, state, errors, errors, common, noise, bending, linearity, displacement)
-    return with_range_prior(estimate, given)
+    found = (noise, bending, linearity, displacement, relief_px)
+    return with_range_prior(Estimate(free, shown, state, state, errors, errors, common, *found), given)
 
 
 def solved_free(given: Problem, start: State) -> tuple[Solution, Level]:

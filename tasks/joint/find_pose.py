@@ -30,7 +30,7 @@ from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, ori
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
 from tasks.joint.settings import JointSettings
-from tasks.joint.shape import doubt_of_shape
+from tasks.joint.shape import doubt_of_relief, doubt_of_shape
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
@@ -172,13 +172,19 @@ def as_correction(
 
 
 def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | None) -> str | None:
-    """Whether the shape that is shown speaks against the target, where its markings do not show that it is the body; a
-    target with a shape model is no ellipsoid anyway."""
-    found, attitude_deg = estimate.displacement, float(np.max(given.sigmas[ATTITUDE]))
-    is_known = orientation is None or orientation.markings.verdict == "matched"
-    if found is None or is_known or given.scene.target.shape is not None:
+    """Whether the shape that is shown speaks against the target: that of the limb where markings, which relief
+    displaces, tell the orientation; of limb and shading where none show that it is the body. A target with a shape
+    model is no ellipsoid anyway."""
+    found, scene, limits = estimate.displacement, given.scene, given.thresholds
+    if scene.target.shape is not None or orientation is None:
         return None
-    return doubt_of_shape(found, estimate.state.pose, given.scene, min(attitude_deg, UNKNOWN_DEG), given.thresholds)
+    if orientation.markings.verdict == "matched":
+        radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
+        return doubt_of_relief(estimate.relief_px, radius, scene.target, limits.contradiction)
+    if found is None:
+        return None
+    attitude_deg = min(float(np.max(given.sigmas[ATTITUDE])), UNKNOWN_DEG)
+    return doubt_of_shape(found, estimate.state.pose, scene, attitude_deg, limits)
 
 
 def smear_of(state: State) -> dict[str, float] | None:

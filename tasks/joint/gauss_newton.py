@@ -25,7 +25,7 @@ Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 # Shares of a step that are tried, one after the other, until the cost falls. Where none lowers it the state is a
-# minimum as far as the sampling shows, unless the last of them is larger than error and loose step.
+# minimum as far as the sampling shows, unless the last of them is larger than error and a step that is not taken.
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Inverse variance of what is held.
 FIXED = 1e30
@@ -89,7 +89,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
             break
         found = line.lower(model, step, lengthened, fit)
         if found is None:
-            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, loose(limits))).all())
+            converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, still(limits))).all())
             break
         model, linear, taken = found
         weights = linear.values[: len(model.bases)]
@@ -105,11 +105,6 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
 def still(limits: IterationThresholds) -> Array:
     """Steps (8,) of the unknowns that need not be taken."""
     return np.array([limits.still_px] * 2 + [limits.still_range] + [limits.still_deg] * 4 + [limits.still_psf])
-
-
-def loose(limits: IterationThresholds) -> Array:
-    """Steps (8,) of the unknowns that may be left when none lowers the cost."""
-    return np.array([limits.loose_px] * 2 + [limits.loose_range] + [limits.loose_deg] * 4 + [limits.loose_psf])
 
 
 def data_at(given: Problem, state: State, window: Window) -> Cutout:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edges_between, measure_limb
-from tasks.compare.limb_errors import EDGE_PX, coherent_px, shared_along
+from tasks.compare.limb_errors import coherent_px, most_coherent_px, shared_along
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.match import Match, framed_window, match_scene
 from tasks.joint.displaced_markings import UNSEEN, terms
@@ -47,9 +47,16 @@ def shown_by(solution: Solution, level: Level, moved: Array) -> tuple[LimbObserv
     model, fit, problem = solution.model, solution.fit, solution.problem
     linear = slice(0, len(problem.columns) - len(NAMES))
     picture = np.tensordot(fit.values[linear].astype(np.float32), problem.columns[linear], 1).astype(np.float64)
-    lit, psf = (model.mu0 > 0).astype(np.float32), solution.state.psf_sigma_px
-    shading = model.bases[: len(model.bases) - model.hides]
-    drawn = Simulation(model.window, model.oversample, psf, model.bases, shading, model.coverage, lit, model.hides)
+    drawn = Simulation(
+        model.window,
+        model.oversample,
+        solution.state.psf_sigma_px,
+        model.bases,
+        model.coverage,
+        draw_shading=lambda: model.bases[: len(model.bases) - model.hides],
+        draw_lit=lambda: (model.mu0 > 0).astype(np.float32),
+        hides=model.hides,
+    )
     match = Match(problem.image, fit.weight, drawn, solution.state.pose, level.scene, solution.data.clear)
     edges = edges_between(match, picture, EDGES)
     centre = level.scene.camera.project(solution.state.pose.target_in_camera_km)
@@ -99,7 +106,7 @@ def observation_of_edges(edges: LimbEdges, centre_px: Array) -> LimbObservation:
     left_by = np.stack(shown, axis=1)
     left_by = left_by - found.design @ np.linalg.lstsq(found.design, left_by, rcond=None)[0]
     per_term = float(np.sqrt(np.mean(np.sum(left_by**2, axis=1))))
-    largest_px = float(np.hypot(shape_px, EDGE_PX)) / max(per_term, 1e-12)
+    largest_px = most_coherent_px(left, found.angle_deg) / max(per_term, 1e-12)
     covariance = found.covariance * np.outer(sign, sign)
     return LimbObservation(step, covariance, rms_px, shape_px, independent, largest_px)
 

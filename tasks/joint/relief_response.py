@@ -35,7 +35,8 @@ def relief_response(solution: Solution) -> Array:
     problem = solution.problem
     parts = (_limb_pixels(solution), _face_pixels(solution))
     y, x, label, moved = (np.concatenate(each) for each in zip(*parts, strict=True))
-    pulled, count = solution.fit.weight[y, x] * moved, ARCS + int(FIRST[-1])
+    pulled = np.asarray(solution.fit.weight[y, x] * moved, np.float64)
+    count = ARCS + int(FIRST[-1])
     direct = np.stack([np.bincount(label, pulled * column[y, x], count) for column in problem.columns])
     right = direct - _through_tiles(solution, y, x, label, pulled, count)
     step = (scaled_inverse(solution.fit.normal) @ right)[MOVING]
@@ -64,17 +65,25 @@ def _face_pixels(solution: Solution) -> tuple[NDArray[np.int64], NDArray[np.int6
     model, pose = solution.model, solution.state.pose
     inside = (model.coverage >= 1 - solution.given.thresholds.variance.limb_cover) & (solution.fit.weight > 0)
     y, x = np.nonzero(inside)
-    across, down = x - model.centre_px[0], y - model.centre_px[1]
-    away = np.maximum(np.hypot(across, down), 1e-6)
-    emission = np.arcsin(np.minimum(away / model.tiles.radius_px, np.sin(np.radians(MOST_EMISSION_DEG))))
-    axes = np.stack([down / away, -across / away, np.zeros_like(away)]).T @ pose.camera_from_body
-    turn_deg = np.degrees(np.tan(emission) / model.tiles.radius_px)
+    away_px = np.stack([x - model.centre_px[0], y - model.centre_px[1]], axis=1)
+    emission_deg, turn_deg = raising_turn(away_px, model.tiles.radius_px, pose.camera_from_body)
     per_turn = solution.problem.columns[MOVING][ATTITUDE]
-    moved = turn_deg * sum(axis * column[y, x] for axis, column in zip(axes.T, per_turn, strict=True))
-    ring = np.searchsorted(RING_DEG, np.degrees(emission))
-    share = np.arctan2(down, across) / (2 * np.pi) % 1
+    moved = sum(part * column[y, x] for part, column in zip(turn_deg.T, per_turn, strict=True))
+    ring = np.searchsorted(RING_DEG, emission_deg)
+    share = np.arctan2(away_px[:, 1], away_px[:, 0]) / (2 * np.pi) % 1
     sector = np.minimum((share * SECTORS[ring]).astype(np.int64), SECTORS[ring] - 1)
     return y, x, ARCS + FIRST[ring] + sector, moved
+
+
+def raising_turn(away_px: Array, radius_px: float, camera_from_body: Array) -> tuple[Array, Array]:
+    """Emission angle (n,), degrees, at most MOST_EMISSION_DEG, of places away_px (n, 2) from the middle of a disk, and
+    the turn (n, 3) of the body, a rotation vector in its frame, degrees, that moves the surface there outward in the
+    picture as one that is higher by a pixel is seen."""
+    away = np.maximum(np.hypot(*away_px.T), 1e-6)
+    emission = np.arcsin(np.minimum(away / radius_px, np.sin(np.radians(MOST_EMISSION_DEG))))
+    axis = np.stack([away_px[:, 1] / away, -away_px[:, 0] / away, np.zeros_like(away)], axis=1)
+    turn_deg = np.degrees(np.tan(emission) / radius_px)[:, None] * (axis @ camera_from_body)
+    return np.degrees(emission), np.asarray(turn_deg)
 
 
 def _through_tiles(

@@ -16,7 +16,7 @@ class SystematicSettings(BaseModel):
     centre_px of the centre, limb_px of the radius; attitude_deg of the target's attitude, beside what grows with the
     size of a pixel (`across_px` of the thresholds of orientation), and roll_deg of the camera's roll, which the
     shading shows beside its prior. limb_gain: centre_px and limb_px are of maps whose brightness along the limb is
-    right to so much, relative (see `tile_prior.limb_gain`); where it is off by more, they grow in proportion.
+    right to so much, relative (see `tile_prior.limb_gain`); where it is off by more, they grow (see `times_usual`).
     distortion_share: part of the distortion model's error that the disk's limb does not average out. On 60 scenes of
     the honesty benchmark, six laws, radius 12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and 73 % of
     the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2."""

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from catalog.pose import Pose
 from catalog.reasons import Reason
 from catalog.rotation import rotation_from_vector_deg
+from catalog.target import Target
 from tasks.compare.limb_errors import relief_covariance
 from tasks.joint.contradiction import chi_square
 from tasks.joint.displaced_markings import SEEN, Displacement
 from tasks.joint.outline import DIRECTIONS, SAMPLES, outline
-from tasks.joint.thresholds import Thresholds
+from tasks.joint.thresholds import ContradictionThresholds, Thresholds
 from tasks.simulate import Scene
 from tasks.simulate.window import disk_radius_px
 
@@ -43,6 +44,18 @@ def doubt_of_shape(
         f"{np.hypot(*found.found_px[SHEAR]):.2f} px and more, {np.sqrt(squares / SEEN):.1f} times the errors), and no "
         "markings show that the body is the target. Check the target, its radii and relief, its orientation and the "
         "camera's distortion."
+    )
+
+
+def doubt_of_relief(shown_px: float, radius_px: float, target: Target, limits: ContradictionThresholds) -> str | None:
+    """The doubt that a limb raises whose arcs lie off as a whole by `shown_px` (RMS) on a disk of `radius_px`."""
+    stated_px = target.expected_relief_km / target.mean_radius_km * radius_px
+    if shown_px <= max(limits.relief_px, limits.relief_share * radius_px, limits.relief_stated * stated_px):
+        return None
+    return (
+        f"{Reason.SHAPE_DISAGREES}: whole arcs of the limb lie {shown_px:.2f} px (RMS) off the target's ellipsoid, "
+        f"where {stated_px:.2f} px of relief are expected; markings of such a surface are displaced, and the "
+        "orientation with them. Check the target, its radii and relief_km, and the camera's distortion."
     )
 
 

@@ -54,6 +54,31 @@ def keys_of(store: ObjectStore) -> Iterator[tuple[str, datetime]]:
         onwards = {"StartAfter": f"{base}/"} if hidden else {"ContinuationToken": answer["NextContinuationToken"]}
 
 
+def sizes_below(store: ObjectStore, folder: str) -> dict[str, int]:
+    """Bytes of every object in a folder of the store, by its name relative to it."""
+    if not has_conditions(store):
+        return _found_sizes(store, folder)
+    bucket, base = bucket_and_key(store, f"{folder}/")
+    query: dict[str, Any] = {"Bucket": bucket, "Prefix": base, "MaxKeys": PAGE}
+    sizes: dict[str, int] = {}
+    while True:
+        answer = store.files.call_s3("list_objects_v2", **query)
+        sizes |= {each["Key"].removeprefix(base): int(each["Size"]) for each in answer.get("Contents", ())}
+        if not answer.get("IsTruncated"):
+            return sizes
+        query["ContinuationToken"] = answer["NextContinuationToken"]
+
+
+def _found_sizes(store: ObjectStore, folder: str) -> dict[str, int]:
+    place = store.path(folder)
+    try:
+        found = store.files.find(place, detail=True)
+    except FileNotFoundError:
+        return {}
+    base = place.strip("/")
+    return {path.strip("/").removeprefix(f"{base}/"): int(facts["size"]) for path, facts in found.items()}
+
+
 def looked_up_records(store: ObjectStore) -> dict[str, float]:
     """The same with a request for each folder, of storage whose driver lists folders alone."""
     folders = [

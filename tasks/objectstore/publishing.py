@@ -14,6 +14,7 @@ from catalog.plain_files import own_json
 from catalog.reasons import Reason
 from tasks.objectstore.conditional import read_object
 from tasks.objectstore.lease import check_lease, leased
+from tasks.objectstore.listing import sizes_below
 from tasks.objectstore.location import ObjectStore, open_object_store, reaching
 from tasks.publish.checksums import CHECKSUMS
 from tasks.publish.contained import refuse_what_is_elsewhere
@@ -82,7 +83,7 @@ def _publish(folder: Path, store: ObjectStore) -> Copied:
     place = store.path(folder.name)
     sizes = {path.relative_to(folder).as_posix(): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
     with reaching(store):
-        older = set(_sizes(store, place))
+        older = set(sizes_below(store, folder.name))
         check_lease(store, folder.name)
         _delete(store, place, [name for name in reversed(LAST) if name in older])
         body = sorted(name for name in sizes if name not in LAST)
@@ -92,7 +93,7 @@ def _publish(folder: Path, store: ObjectStore) -> Copied:
             if name in sizes:
                 check_lease(store, folder.name)
                 store.files.put_file(str(folder / name), f"{place}/{name}")
-        written = _sizes(store, place)
+        written = sizes_below(store, folder.name)
     if written != sizes:
         differing = sorted(name for name in written.keys() | sizes.keys() if written.get(name) != sizes.get(name))
         fault = f"store {store.url} has not what was written: {folder.name}/{differing[0]}."
@@ -108,13 +109,3 @@ def _delete(store: ObjectStore, place: str, names: list[str]) -> None:
             store.files.rm_file(f"{place}/{name}")
         except FileNotFoundError:  # another writer of the same product was quicker
             continue
-
-
-def _sizes(store: ObjectStore, place: str) -> dict[str, int]:
-    """Bytes of every object below `place`, by its name relative to it."""
-    try:
-        found = store.files.find(place, detail=True)
-    except FileNotFoundError:
-        return {}
-    base = place.strip("/")
-    return {path.strip("/").removeprefix(f"{base}/"): int(facts["size"]) for path, facts in found.items()}

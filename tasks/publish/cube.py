@@ -1,6 +1,7 @@
 """The geometry cube: an xarray Dataset with CF attributes, and its Zarr v3 group."""
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -169,6 +170,7 @@ def global_attributes(publication: Publication) -> dict[str, Any]:
     }
 
 
+@cache
 def software_version() -> str:
     """Version of the installed package."""
     from importlib.metadata import PackageNotFoundError, version

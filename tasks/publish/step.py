@@ -1,6 +1,7 @@
 """The cached step: publish. Its folder is the product's folder in the store."""
 
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -219,6 +220,7 @@ def provenance(inputs: PublishInputs, found: Found) -> Json:
     }
 
 
+@cache
 def versions() -> dict[str, str]:
     """Installed versions of this program and of the libraries whose results it passes on."""
     found = {}

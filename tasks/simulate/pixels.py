@@ -51,26 +51,47 @@ def _filtered(fine, along_y, along_x, oversample):  # type: ignore[no-untyped-de
     ny, nx = rows // oversample, columns // oversample
     taps_y, taps_x = len(along_y), len(along_x)
     above, before = (taps_y - oversample) // 2, (taps_x - oversample) // 2
-    out = np.empty((ny, nx), np.float32)
-    line = np.empty(columns + 2 * before, np.float32)
+    out = np.zeros((ny, nx), np.float32)
+    line = np.zeros(columns + 2 * before, np.float32)
+    # The sky beside the target, and its night, are zero: only what lies between each row's first and last value counts.
+    firsts, lasts = np.empty(rows, np.int64), np.empty(rows, np.int64)
+    for k in range(rows):
+        first, last = 0, columns
+        while first < last and fine[k, first] == 0:
+            first += 1
+        while last > first and fine[k, last - 1] == 0:
+            last -= 1
+        firsts[k], lasts[k] = (first, last) if first < last else (columns, 0)
     for i in range(ny):
         sums = line[before : before + columns]
-        sums[:] = 0
         top = i * oversample - above
+        first, last = columns, 0
+        for k in range(max(top, 0), min(top + taps_y, rows)):
+            first, last = min(first, firsts[k]), max(last, lasts[k])
+        if top < 0:
+            first, last = min(first, firsts[0]), max(last, lasts[0])
+        if top + taps_y > rows:
+            first, last = min(first, firsts[rows - 1]), max(last, lasts[rows - 1])
+        if first >= last:
+            continue
+        line[:] = 0
         # Four rows at a time: the sums are read and written a quarter as often.
         for k in range(0, taps_y - taps_y % 4, 4):
             a, b = fine[min(max(top + k, 0), rows - 1)], fine[min(max(top + k + 1, 0), rows - 1)]
             c, d = fine[min(max(top + k + 2, 0), rows - 1)], fine[min(max(top + k + 3, 0), rows - 1)]
             wa, wb, wc, wd = along_y[k], along_y[k + 1], along_y[k + 2], along_y[k + 3]
-            for j in range(columns):
+            for j in range(first, last):
                 sums[j] += wa * a[j] + wb * b[j] + wc * c[j] + wd * d[j]
         for k in range(taps_y - taps_y % 4, taps_y):
             a, wa = fine[min(max(top + k, 0), rows - 1)], along_y[k]
-            for j in range(columns):
+            for j in range(first, last):
                 sums[j] += wa * a[j]
         line[:before] = sums[0]
         line[before + columns :] = sums[columns - 1]
-        for j in range(nx):
+        # Pixels whose weights reach what is not zero; at the frame's ends that is replicated.
+        begin = 0 if first == 0 else max((first + before - taps_x) // oversample, 0)
+        end = nx if last == columns else min((last + before) // oversample + 1, nx)
+        for j in range(begin, end):
             total = np.float32(0)
             left = j * oversample
             for k in range(taps_x):

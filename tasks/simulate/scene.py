@@ -1,6 +1,8 @@
 """A scene renders simulations of one target through one camera; only the pose changes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -11,7 +13,7 @@ from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.bodies.settings import OtherBodiesSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.photometry import BasisName, bases_of
 from tasks.simulate.pixels import detect
 from tasks.simulate.shine import cosines_of, shines_of, with_shines
@@ -51,17 +53,28 @@ class Surface:
 class Simulation:
     """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
     background. shading: the same without the map (albedo 1). coverage, lit: fraction of each pixel that the target
-    and its sunlit side fill; blurred like the image. hides: how many of the bases, the last ones, are no light of the
-    target but what it takes away of the light behind it."""
+    and its sunlit side fill; blurred like the image. draw_shading, draw_lit: draw these two, which few ask for, when
+    they are asked for. hides: how many of the bases, the last ones, are no light of the target but what it takes away
+    of the light behind it."""
 
     window: Window
     oversample: int
     psf_sigma_px: float
     bases: NDArray[np.float32]
-    shading: NDArray[np.float32]
     coverage: NDArray[np.float32]
-    lit: NDArray[np.float32]
+    draw_shading: Callable[[], NDArray[np.float32]]
+    draw_lit: Callable[[], NDArray[np.float32]]
     hides: int = 0
+
+    @cached_property
+    def shading(self) -> NDArray[np.float32]:
+        """(k, ny, nx): the bases without the map."""
+        return self.draw_shading()
+
+    @cached_property
+    def lit(self) -> NDArray[np.float32]:
+        """(ny, nx): fraction of each pixel that the target's sunlit side fills."""
+        return self.draw_lit()
 
     @property
     def of_target(self) -> NDArray[np.float32]:
@@ -168,7 +181,7 @@ class Scene:
             oversample=s,
             psf_sigma_px=sigma,
             bases=np.stack([seen(surface.albedo * basis) for basis in fine]),
-            shading=np.stack([seen(basis) for basis in fine]),
             coverage=seen(surface.hit.astype(np.float32)),
-            lit=seen((surface.mu0 > 0).astype(np.float32)),
+            draw_shading=lambda: np.stack([seen(basis) for basis in fine]),
+            draw_lit=lambda: seen((surface.mu0 > 0).astype(np.float32)),
         )

@@ -27,9 +27,9 @@ from catalog.camera import Camera
 from catalog.placed_body import PlacedBody
 from catalog.pose import Pose
 from catalog.target import Target
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.compiled import compiled_reordered
 from tasks.geometry.unit_sphere import closest_approach
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.photometry import Law
 from tasks.simulate.window import Window
 

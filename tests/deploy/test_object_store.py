@@ -133,9 +133,12 @@ def test_products_are_found_by_listings_alone_whatever_the_size_of_a_page(
     found = whole_products(store)
     assert list(found) == sorted(whole)
     assert found == pytest.approx(listing.looked_up_records(store), abs=1.0)
+    sizes = {f"{CUBE}/plane{number}/c": 1 for number in range(4)} | {"record.json": 2, "result.json": 2}
+    assert listing.sizes_below(store, "A1") == sizes
+    assert listing.sizes_below(store, "A") == {}
     assert set(requests) == {"list_objects_v2"}
     if page == 1000:
-        assert len(requests) == 1
+        assert len(requests) == 3
 
 
 def step_of(url: str, folder: Path, key: str) -> AnyStep:

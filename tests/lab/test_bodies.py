@@ -26,10 +26,21 @@ def test_scenes_are_drawn_again_as_they_were(kind: str) -> None:
 
 
 def test_the_summary_counts_what_is_wrong() -> None:
-    good = {"status": "ok", "centre_error_px": 0.02, "sigmas": 1.0, "body_wrong": 0.0, "shadow_wrong": 0.002}
+    good = {
+        "kind": "ring",
+        "lit_px": 60.0,
+        "status": "ok",
+        "centre_error_px": 0.02,
+        "sigmas": 1.0,
+        "body_wrong": 0.0,
+        "shadow_wrong": 0.002,
+    }
     off = good | {"centre_error_px": 0.3, "sigmas": 8.0}
-    honest = good | {"centre_error_px": 0.2, "sigmas": 1.2}
-    failed = {"status": "failed", "centre_error_px": None}
+    honest = good | {"lit_px": 30.0, "centre_error_px": 0.2, "sigmas": 1.2}
+    failed = {"kind": "shadow", "status": "failed", "centre_error_px": None}
     figures = summary_of([good, off, honest, failed])
     assert (figures["ok"], figures["wrong_ok"], figures["ok_beyond_bar"]) == (3, 1, 2)
     assert figures["shadow_right"] == pytest.approx(0.998)
+    assert figures["large_beyond_bar"] == 1
+    assert figures["by_kind"]["shadow"]["ok"] == 0
+    assert figures["by_kind"]["ring"]["centre_worst_px"] == 0.3

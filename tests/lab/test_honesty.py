@@ -49,6 +49,7 @@ def made_up(
         "reason": None if status == "ok" else "because: it is. Look.",
         "pose": {key: value.tolist() for key, value in pose.items()},
         "centre_px": (place + np.asarray(centre_px)).tolist(),
+        "attitude_deg": [0.3, 0.2, 0.1],
         "uncertainty": SIGMAS | uncertainty,
     }
     planted = planted_errors(scene) | {"radius_error": 0.0, "map_frame_deg": [0.0] * 3}
@@ -122,6 +123,20 @@ def test_every_law_has_solvable_scenes_of_every_size_and_phase() -> None:
 )
 def test_what_is_solvable_is_known_beforehand(fields: dict[str, Any], solvable: bool) -> None:
     assert replace(SCENE, **fields).solvable is solvable
+
+
+@pytest.mark.parametrize(
+    ("fields", "stated"),
+    [
+        ({"metadata": "rough"}, set()),
+        ({"metadata": "good"}, {"range_share"}),
+        ({"metadata": "good", "given": "none"}, {"range_share", "attitude_deg"}),
+        ({"metadata": "good", "reported": "io"}, set()),
+        ({"metadata": "good", "reported": "io", "same_range": True}, {"range_share"}),
+    ],
+)
+def test_good_metadata_state_what_they_know(fields: dict[str, Any], stated: set[str]) -> None:
+    assert set(replace(SCENE, **fields).stated_errors) == stated
 
 
 def test_a_part_of_the_scenes_is_like_the_whole() -> None:
@@ -246,6 +261,16 @@ def test_shares_within_sigmas_are_counted_per_law_and_size() -> None:
     assert "400 are `ok` (91 %)" in text
 
 
+def test_an_orientation_that_stays_as_predicted_is_no_result() -> None:
+    kept = made_up(replace(SCENE, id="kept"), turn_deg=(0.1, 0.0, 0.0))
+    kept["result"]["attitude_deg"] = None
+    figures = summary([kept, made_up(replace(SCENE, id="found"), turn_deg=(0.1, 0.0, 0.0))])
+    counts = {
+        name: each["components"] for name, each in figures["calibration"]["all"]["all"].items() if name != "scenes"
+    }
+    assert counts == {"centre": 4, "range": 2, "across": 2, "roll": 1}
+
+
 @pytest.fixture
 def counted(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Instead of rendering and correcting: made-up rows, and which scenes were requested."""
@@ -281,7 +306,8 @@ NEVER_OK = ("doubtful", "failed", "refused")
 REDUCED = {
     "laws-117": SURE,
     "small-002": RIGHT_OR_DOUBTFUL,  # 10 px radius
-    "no-map-013": SURE,
+    "no-map-012": SURE,  # its pose file states its errors
+    "no-map-000": NEVER_OK,  # it states none: nothing shows which body it is
     "wrong-orientation-002": SURE,  # by 2 deg
     "crescents-002": RIGHT_OR_DOUBTFUL,
     "smeared-001": RIGHT_OR_DOUBTFUL,

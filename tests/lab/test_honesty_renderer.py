@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from catalog.camera import Camera
 from catalog.pose import Pose
@@ -25,7 +26,15 @@ from lab.honesty.laws import LAWS, radiance
 from lab.honesty.optics import Blur, Detector, bending, blurred
 from lab.honesty.picture import expose, light_of
 from lab.honesty.scene import FOCAL_SIGMA, LENSES, Other, Scene
-from lab.honesty.solids import Solid, even_directions, random_relief, sample, sphere_noise
+from lab.honesty.solids import (
+    Solid,
+    Terrain,
+    even_directions,
+    random_relief,
+    random_terrain,
+    sample,
+    sphere_noise,
+)
 
 RADII_KM = np.array([207.8, 196.7, 190.6])
 HAPKE = {"w": 0.7, "b": -0.3, "b0": 0.5, "h": 0.05, "roughness_deg": 20.0}
@@ -241,6 +250,36 @@ def test_relief_has_no_mean_and_no_first_moment_and_is_met() -> None:
     np.testing.assert_allclose(flat.points_km, exact.points_km, atol=0.05)
 
 
+def test_terrain_is_beside_the_best_ellipsoid_as_rough_as_stated_and_is_met() -> None:
+    terrain = random_terrain(np.random.default_rng(5), 0.004)
+    u = even_directions(20_000)
+    height, (x, y, z) = terrain.height(u), u.T
+    low = np.stack([np.ones_like(x), x, y, z, x * y, x * z, y * z, x * x - y * y, 3 * z * z - 1], axis=1)
+    assert np.abs((height[:, None] * low).mean(axis=0)).max() < 2e-5
+    assert height.std() == pytest.approx(0.004, rel=0.03)
+    true = geometry()
+    rays = view_of(true, 1).rays(0, 64)
+    hits = met(rays, solid_of(true, relief=terrain))
+    surface = 1 + terrain.height(hits.points_km / np.linalg.norm(hits.points_km, axis=1)[:, None])
+    off = np.abs(np.linalg.norm(hits.points_km / RADII_KM, axis=1) - surface)
+    assert np.percentile(off, 95) < 1e-5
+    assert off.max() < 1e-3  # a ray that grazes the limb
+    assert (hits.normals * (rays[hits.rays] @ true.body_from_j2000.T)).sum(axis=1).max() < 0.1
+    flat, exact = met(rays, solid_of(true, relief=Terrain(np.zeros((90, 180), np.float32)))), met(rays, solid_of(true))
+    np.testing.assert_array_equal(flat.rays, exact.rays)
+    np.testing.assert_allclose(flat.points_km, exact.points_km, atol=1e-6)
+
+
+def test_arcs_of_a_terrain_s_limb_rise_and_fall_on_their_own() -> None:
+    """The mean over an arc scatters as that of independent parts of 20 degrees does."""
+    angle = np.radians(np.arange(0, 120, 0.5))
+    arc = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    turns = Rotation.random(60, random_state=np.random.RandomState(1)).as_matrix()
+    terrains = [random_terrain(np.random.default_rng(seed), 0.01) for seed in range(3)]
+    means = [terrain.height(arc @ turn.T).mean() for terrain in terrains for turn in turns]
+    assert np.std(means) == pytest.approx(0.01 * np.sqrt(20 / 120), rel=0.25)
+
+
 def test_bending_has_the_size_requested_and_moves_no_disk() -> None:
     shift = bending(np.random.default_rng(2), 0.3, (40.0, 50.0), 30.0)
     assert shift is not None
@@ -307,7 +346,7 @@ def test_metadata_are_wrong_by_what_was_planted(seed: int) -> None:
     angle = np.degrees(np.arccos((np.trace(turned) - 1) / 2))
     assert angle == pytest.approx(np.linalg.norm(errors["attitude_deg"]), rel=1e-6)
     assert predicted.focal_px == pytest.approx((1 + errors["focal_error"]) * true.focal_px)
-    assert 0 < abs(errors["focal_error"] - 0.002) <= 2 * FOCAL_SIGMA
+    assert 0 < abs(errors["focal_error"] - 0.002) <= 5 * FOCAL_SIGMA
     to_spacecraft = -true.target_from_spacecraft_km
     assert cos_between(to_spacecraft, true.sun_from_target_km) == pytest.approx(np.cos(np.radians(scene.phase_deg)))
 

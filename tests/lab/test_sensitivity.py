@@ -45,7 +45,7 @@ def test_a_threshold_that_decides_moves_the_result_and_the_page_says_so() -> Non
     assert found[0].moved_sigmas == found[0].widened == 0
     assert by_name["variance.block_px", 2.0].moved_sigmas > 1e-3
     assert by_name["contradiction.bending", 0.5].moved_sigmas == 0  # no vidicon
-    text = page(found, ["laws-032"])
+    text = page([("Small disks", found, ["laws-032"])])
     assert "| `variance.block_px` | 8 | 2 |" in text
     assert "| `contradiction.bending`" not in text
     assert "`contradiction.bending`" in text
@@ -53,7 +53,7 @@ def test_a_threshold_that_decides_moves_the_result_and_the_page_says_so() -> Non
 
 def test_a_page_without_any_row_that_decides_is_still_a_page() -> None:
     plain = Row("as they are", None, 1.0, 0.0, 0.0, 0.02, 1.0, 0, 0)
-    assert "RMS 0.0200 px" in page([plain], ["laws-032"])
+    assert "RMS 0.0200 px" in page([("Small disks", [plain], ["laws-032"])])
 
 
 def test_an_unknown_scene_or_threshold_is_named(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Distortion on real frames: the bars of the distortion issue, measured and printed."""
 
 import dataclasses
+import hashlib
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -8,24 +10,43 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalog.camera import find_camera
-from catalog.observation import Frame, Quality
+import tasks.distortion.report
+import tasks.undistort
+from catalog.camera import Camera, find_camera
+from catalog.observation import Frame, Observation, Quality
 from catalog.readers import read_frame
 from catalog.reseau.archive import read_archive_marks
 from lab.benchmark.undistortion import benchmark_undistortion
 from tasks.distortion.report import distortion_report
-from tasks.undistort import UndistortSettings, seen_marks, undistort
+from tasks.undistort import UndistortSettings, undistort
 from tasks.undistort.bending import USUAL_PX_PER_DN
 from tasks.undistort.bent_plate import coefficient_of_frame
-from tasks.undistort.choose import table_of
+from tasks.undistort.choose import SeenMarks, table_of
 from tasks.undistort.compare import displacement_field
 from tasks.undistort.mark_set import marks_of_frame
-from tasks.undistort.reseau_marks import ReseauMarks, find_marks
+from tasks.undistort.reseau_marks import ReseauMarks
 
 pytestmark = pytest.mark.real
 
 RAW_FRAMES = ("f1636832.raw", "C2069302_RAW.IMG", "C1124748_RAW.IMG", "C3580800_RAW.IMG", "c4400436.imq")
 HIDDEN = ("outside", "blank", "dark")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def marks_found_once() -> Iterator[None]:
+    """The marks of a frame are found once for all tests of this file: that takes seconds, and most tests need them."""
+    find, known = tasks.undistort.seen_marks, {}
+
+    def once(observation: Observation, camera: Camera) -> tuple[SeenMarks | None, Observation]:
+        key = hashlib.sha256(observation.image.tobytes()).digest(), camera.name
+        if key not in known:
+            known[key] = find(observation, camera)
+        return known[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (tasks.undistort, tasks.distortion.report):
+            patch.setattr(module, "seen_marks", once)
+        yield
 
 
 @cache
@@ -38,15 +59,20 @@ def frame_of(data_folder: Path, name: str) -> Frame:
 
 
 def marks_of(frame: Frame) -> ReseauMarks:
-    table = table_of(find_camera(str(frame.camera)))
-    assert table is not None
-    return find_marks(frame.observation, table)
+    seen, _ = tasks.undistort.seen_marks(frame.observation, find_camera(str(frame.camera)))
+    assert seen is not None
+    return seen.marks
+
+
+@cache
+def undistorted(data_folder: Path, name: str, **settings: Any) -> Observation:
+    frame = frame_of(data_folder, name)
+    return undistort(frame.observation, find_camera(str(frame.camera)), UndistortSettings(**settings)).observation
 
 
 def compared(data_folder: Path, raw: str, corrected: str, **settings: Any) -> dict[str, Any]:
     """Displacement of the archive's corrected frame against our undistortion of the raw one."""
-    first, second = frame_of(data_folder, raw), frame_of(data_folder, corrected).observation
-    ours = undistort(first.observation, find_camera(str(first.camera)), UndistortSettings(**settings)).observation
+    ours, second = undistorted(data_folder, raw, **settings), frame_of(data_folder, corrected).observation
     bits = Quality.MISSING | Quality.OUTSIDE_WINDOW | Quality.SATURATED
     field = displacement_field(ours.image, second.image, ((ours.quality | second.quality) & bits) == 0)
     summary = field.summary()
@@ -105,7 +131,7 @@ def test_the_beam_bends_alike_in_all_cameras(data_folder: Path) -> None:
     for name in RAW_FRAMES:
         frame = frame_of(data_folder, name)
         camera = find_camera(str(frame.camera))
-        seen, _ = seen_marks(frame.observation, camera)
+        seen, _ = tasks.undistort.seen_marks(frame.observation, camera)
         assert seen is not None
         assert seen.bending is not None
         alone = dataclasses.replace(seen.bending, in_dn=True)
@@ -170,11 +196,8 @@ def test_calibrated_products_show_their_marks_on_the_disk_only(data_folder: Path
 
 
 def test_filled_marks_leave_no_trace_in_the_undistorted_image(data_folder: Path) -> None:
-    frame = frame_of(data_folder, "f1636832.raw")
-    camera = find_camera("voyager1-nac")
-    clean, raw = (
-        undistort(frame.observation, camera, UndistortSettings(fill_marks=fill)).observation for fill in (True, False)
-    )
+    clean = undistorted(data_folder, "f1636832.raw")
+    raw = undistorted(data_folder, "f1636832.raw", fill_marks=False)
     marked = (clean.quality & Quality.RESEAU) != 0
     bright = marked & (clean.image > 100)
     depth_dn = (clean.image - raw.image)[bright].max()

@@ -13,10 +13,10 @@ from lab.bodies.picture import picture_of
 from lab.bodies.scenes import FRAME_PX, scene_of
 from tasks.bodies.masks import alone, grown, without_target
 from tasks.bodies.placed import bodies_of
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.ingest.bodies import Candidates, bodies_of_image
 from tasks.separations.measure import as_target_of, measured_bodies, separations
 from tasks.simulate import Scene, SceneSettings
+from tasks.simulate.others import OtherBodiesSettings
 
 CAMERA = Camera(name="masks", size_px=(200, 160), centre_px=(99.5, 79.5), focal_length_px=60_000.0, psf_sigma_px=1.0)
 TARGET = Target(name="alpha", naif_id=1, radii_km=(900.0, 900.0, 900.0))  # 27 px at 2e6 km

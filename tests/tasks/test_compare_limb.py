@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from catalog.errors import FailedError
 from tasks.compare.limb_edges import LimbEdges, LimbSettings, edge_position, lit_limit_deg
-from tasks.compare.limb_errors import EDGE_PX, coherent_px
+from tasks.compare.limb_errors import EDGE_PX, coherent_px, most_coherent_px
 from tasks.compare.limb_fit import fit_limb
 from tasks.compare.segments import Segments, profiles
 
@@ -123,8 +123,11 @@ def test_arcs_that_lie_off_as_a_whole_are_distinguished_from_segments_that_err_a
     arcs = random.choice([-1.0, 1.0], 15)[(angle_deg // 20).astype(int)]
     found = coherent_px(noise + arc_px * arcs, angle_deg)
     assert least <= found <= most
+    # At most as much as is seen, noise included; what the edges' own errors may hide is no more than that.
+    assert max(0.7 * arc_px, found) <= most_coherent_px(noise + arc_px * arcs, angle_deg) <= max(EDGE_PX, 1.5 * arc_px)
 
 
 def test_too_few_arcs_tell_nothing_of_the_shape() -> None:
     angle_deg = np.arange(0, 60, 0.5)
     assert coherent_px(np.full(len(angle_deg), 20 * EDGE_PX), angle_deg) == 0
+    assert most_coherent_px(np.full(len(angle_deg), 20 * EDGE_PX), angle_deg) == EDGE_PX

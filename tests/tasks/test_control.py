@@ -250,7 +250,7 @@ def test_a_focal_length_is_no_better_known_than_the_ranges() -> None:
     assert firm.constants_covariance[0, 0] ** 0.5 < 0.7 * 3e-4
 
 
-def test_images_share_a_camera_of_one_name_and_focal_length() -> None:
+def test_cameras_are_distinguished_by_name_and_focal_length() -> None:
     a = made_network(2, 10, np.random.default_rng(1)).cameras[0]
     b, c = a.model_copy(update={"name": "other"}), a.model_copy(update={"focal_length_px": 1.01 * a.focal_length_px})
     constants = constants_of([a, b, a, c], FOCAL)

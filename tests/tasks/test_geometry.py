@@ -1,6 +1,8 @@
 """Geometry that several steps share: lines of sight against the unit sphere, values between a map's pixels."""
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +12,11 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 
 from tasks.compiled import _files_called, _forget_older
-from tasks.geometry.bilinear import bilinear, map_values
+from tasks.geometry.bilinear import bilinear, map_values, values_towards
 from tasks.geometry.unit_sphere import closest_approach, first_hits
 from tasks.project.kernel import fill_rows
 
+ROOT = Path(__file__).parents[2]
 side = st.floats(-1.5, 1.5)
 
 
@@ -55,6 +58,16 @@ def test_a_value_between_pixels_is_scipys(latitude: float, longitude: float, lef
     assert found == pytest.approx(np.ravel(expected((float(row), float(column)))), abs=1e-6)
 
 
+@pytest.mark.parametrize("left_edge", [0.0, 179.886, -90.0])
+def test_a_direction_is_its_latitude_and_longitude(left_edge: float) -> None:
+    rng = np.random.default_rng(5)
+    albedo, directions = rng.random((40, 80)).astype(np.float32), rng.normal(size=(400, 3))
+    directions[:2] = (0, 0, 1), (0, 0, -3)
+    x, y, z = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T
+    expected = map_values(albedo, left_edge, np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x)))
+    assert values_towards(albedo, left_edge, directions) == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.mark.parametrize(("x", "expected"), [(-0.5, 2.0), (3.5, 2.0), (4.0, 1.0), (-1.0, 3.0), (0.5, 1.5)])
 def test_columns_go_round(x: float, expected: float) -> None:
     assert bilinear(np.array([[1, 2, 3, 3], [1, 2, 3, 3]], np.float32), x, 0.0) == pytest.approx(expected)
@@ -72,3 +85,14 @@ def test_machine_code_older_than_a_file_that_it_calls_is_forgotten(tmp_path: Pat
     os.utime(old, (0, 0))
     _forget_older(tmp_path, fill_rows.py_func)
     assert (old.exists(), new.exists(), other.exists()) == (False, True, True)
+
+
+def test_numba_is_imported_when_a_compiled_function_is_first_called() -> None:
+    code = (
+        "import sys; import tasks.registry; import numpy as np; from tasks.geometry import bilinear as room\n"
+        "before = 'numba' in sys.modules\n"
+        "value = room.bilinear(np.ones((2, 4), np.float32), 0.5, 0.5)\n"
+        "print(before, value, 'numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "1.0", "True"]

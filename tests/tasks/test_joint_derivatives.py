@@ -6,7 +6,7 @@ import pytest
 
 from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import NAMES, PSF, RANGE, ROLL
-from tasks.simulate.pixels import detect, filtered
+from tasks.simulate.pixels import detect, filtered, pixel_weights
 
 SIZE, PSF_PX = (44, 52), 0.8
 CENTRE = np.array([24.3, 20.6])
@@ -28,6 +28,32 @@ def half_difference(ahead: np.ndarray, back: np.ndarray, s: int, blur: float = 0
     """Of the pixels of two pictures, a step ahead and one back."""
     wide, narrow = PSF_PX * np.exp(blur), PSF_PX * np.exp(-blur)
     return np.asarray((detect(ahead, s, wide) - detect(back, s, narrow)) / (2 * STEP))
+
+
+@pytest.mark.parametrize("s", [2, 3, 4])
+@pytest.mark.parametrize("where", ["inside", "left", "right", "top", "bottom", "everywhere", "nowhere", "dots"])
+def test_the_filter_is_the_weighted_sum_wherever_the_picture_is_dark(s: int, where: str) -> None:
+    """Only what is not zero is gone through; the edges are replicated."""
+    ny, nx = 14, 17
+    fine = np.random.default_rng(s).random((ny * s, nx * s)).astype(np.float32)
+    kept = {
+        "inside": np.s_[5 * s : 8 * s, 4 * s + 1 : 9 * s],
+        "left": np.s_[2 * s : 9 * s, :3],
+        "right": np.s_[2 * s : 9 * s, -3:],
+        "top": np.s_[:2, 5 * s : 7 * s],
+        "bottom": np.s_[-2:, 5 * s : 7 * s],
+        "everywhere": np.s_[:, :],
+        "nowhere": np.s_[:0, :0],
+        "dots": np.s_[:: 5 * s, :: 6 * s],
+    }[where]
+    picture = np.zeros_like(fine)
+    picture[kept] = fine[kept]
+    along_y, along_x = pixel_weights(s, 0.6), np.diff(pixel_weights(s, 0.9), prepend=0, append=0)[:-1]
+    along_x = along_x[: len(along_x) - (len(along_x) - s) % 2]
+    padded = np.pad(picture.astype(np.float64), [((len(w) - s) // 2,) * 2 for w in (along_y, along_x)], mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (len(along_y), len(along_x)))[::s, ::s]
+    expected = np.einsum("ijkl,k,l->ij", windows, along_y, along_x)
+    assert filtered(picture, along_y, along_x, s) == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize(("s", "tolerance"), [(1, 0.1), (2, 0.02), (5, 0.01)])

@@ -15,7 +15,7 @@ from tasks.joint import JointSettings
 from tasks.joint.blur import SecondMoment
 from tasks.joint.coarse_to_fine import prior_sigmas
 from tasks.joint.cutout import Cutout
-from tasks.joint.gauss_newton import Line, bearable, loose, solve_joint, still, tiles_at
+from tasks.joint.gauss_newton import Line, bearable, solve_joint, still, tiles_at
 from tasks.joint.model import Model, axes_across, linear_model
 from tasks.joint.parameters import NAMES, OFFSET, PSF, RANGE, State, difference, with_psf_within
 from tasks.joint.problem import Problem
@@ -52,8 +52,8 @@ def test_a_step_is_shortened_to_what_the_linearisation_bears() -> None:
 
 
 def test_each_unknown_has_a_step_that_need_not_be_taken() -> None:
-    assert still(LIMITS).shape == loose(LIMITS).shape == (len(NAMES),)
-    assert (still(LIMITS) < loose(LIMITS)).all()
+    assert still(LIMITS).shape == (len(NAMES),)
+    assert (still(LIMITS) > 0).all()
 
 
 def test_a_planted_error_is_taken_back_and_a_held_one_stays(given: Problem) -> None:

@@ -6,7 +6,7 @@ import pytest
 from catalog.target import find_target
 from lab.simulate.small_world import scene_of, small_camera, true_pose
 from tasks.joint.displaced_markings import SEEN, UNSEEN, Displacement
-from tasks.joint.shape import doubt_of_shape, shear_of_outline
+from tasks.joint.shape import doubt_of_relief, doubt_of_shape, shear_of_outline
 from tasks.joint.thresholds import Thresholds
 from tasks.simulate import Scene
 
@@ -42,6 +42,26 @@ def test_a_shape_beyond_its_error_is_doubted(
     assert (doubt is not None) == doubted
     if doubt:
         assert doubt.startswith("shape-disagrees: ")
+
+
+@pytest.mark.parametrize(
+    ("shown_px", "radius_px", "relief_km", "doubted"),
+    [
+        (0.475, 53.0, 0.32, True),  # a scene of the benchmark: 3 % of relief, 6 deg off
+        (0.22, 54.0, 0.32, False),
+        (0.29, 12.0, 0.32, False),
+        (0.6, 400.0, 0.32, False),  # 0.15 %: optics, and no turn of a degree
+        (0.9, 53.0, 20.0, False),
+        (0.0, 53.0, 0.0, False),
+    ],
+)
+def test_a_limb_much_rougher_than_stated_is_doubted(
+    shown_px: float, radius_px: float, relief_km: float, doubted: bool
+) -> None:
+    target = find_target("europa").model_copy(update={"relief_km": relief_km})
+    doubt = doubt_of_relief(shown_px, radius_px, target, LIMITS.contradiction)
+    assert (doubt is not None) == doubted
+    assert not doubt or doubt.startswith("shape-disagrees: ")
 
 
 def test_relief_that_the_target_s_file_states_is_no_other_shape() -> None:

@@ -16,8 +16,8 @@ from lab.bodies.caster import Globe, cast, lamps_of
 from lab.honesty.caster import View
 from lab.honesty.solids import Solid
 from tasks.bodies.placed import relevant
-from tasks.bodies.settings import OtherBodiesSettings
 from tasks.simulate import Scene, SceneSettings
+from tasks.simulate.others import OtherBodiesSettings
 from tasks.simulate.shine import shine_of, shines_of
 
 CAMERA = Camera(name="night", size_px=(90, 80), centre_px=(44.5, 39.5), focal_length_px=60_000.0, psf_sigma_px=0.0)

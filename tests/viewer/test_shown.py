@@ -30,7 +30,7 @@ from tasks.validate import ValidateSettings
 from viewer.export import export_store
 from viewer.notebook import view
 from viewer.product import advice_of
-from viewer.table import Neighbours
+from viewer.table import Neighbours, why_worst, worst_of
 
 
 def test_the_page_is_a_notebooks_value(tmp_path: Path) -> None:
@@ -94,6 +94,20 @@ def test_the_worst_images_come_first_and_are_ranked_within_their_camera(tmp_path
     ranks = client.get("/api/products/C0007").json()["ranks"]
     assert (ranks["limb_rms_px"], ranks["sigma_px"]) == (1.0, 0.0)
     assert "limb_rms_px" not in client.get("/api/products/C0009").json()["ranks"]
+    said = {name: client.get(f"/api/products/{name}").json()["worst"] for name in ("C0009", "C0008", "C0007", "C0000")}
+    assert said == {
+        "C0009": "1 of 10, failed: it has no product",
+        "C0008": "2 of 10, it is doubtful; limb residual 0.01 px",
+        "C0007": "3 of 10, limb residual 0.7 px",
+        "C0000": "8 of 10, sigma of the centre 0.3 px",
+    }
+
+
+def test_a_close_up_is_not_the_worst_for_its_centre_outside_the_frame() -> None:
+    table = pd.DataFrame({"status": ["ok", "ok", "doubtful"], "sigma_px": [165.0, 0.4, 90.0]})
+    table["limb_rms_px"] = [np.nan, 0.3, np.nan]
+    np.testing.assert_allclose(worst_of(table), [0.0, 0.4, 1000.0])
+    assert why_worst("ok", 165.0, np.nan) == "no limb is measured"
 
 
 def test_values_of_neighbours_are_those_of_the_same_camera_in_time() -> None:

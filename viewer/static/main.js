@@ -88,8 +88,9 @@ async function show(page, keepView = false) {
   showSide(page, page.row);
   const pictured = Boolean(page.size_px);
   of("stage").hidden = !pictured;
-  of("hover").textContent = pictured ? "" : "no picture: the image could not be read so far, see its reason";
+  of("hover").textContent = pictured ? "" : "no picture; see the reason at the side";
   of("unconfirmed").hidden = !page.failed;
+  of("unconfirmed").textContent = `${page.row?.status ?? "failed"}: no pose is confirmed. ${limbInFrame(page) ? "Blue: the limb of the most similar pose" : "The limb is outside the frame"}`;
   for (const layer of ["others", "stars"]) of(`${layer}-box`).hidden = !page[layer]?.length;
   document.querySelector('[data-layer="flow"]').disabled = isStatic;
   for (const id of ["accept", "reject", "note", "undo", "redo"]) of(id).disabled = isStatic || state.about.read_only;
@@ -99,6 +100,10 @@ async function show(page, keepView = false) {
   help.shown(page);
   if (picture.layers.flow) fetchFlow().catch(fault);
   of("flag").replaceChildren(new Option("none", "0"), ...page.flags.map((flag) => new Option(flag.name, flag.mask, false, flag.mask === picture.flag)));
+}
+
+function limbInFrame(page) {
+  return Boolean(page.curves?.after.limb.some((point) => point && point.every((value, i) => value >= 0 && value < page.size_px[i])));
 }
 
 function fillPlanes(page) {
@@ -261,7 +266,7 @@ async function undo() {
   const before = state.page.decisions ?? [], answer = await backend.undo(state.product);
   taken(answer);
   const undone = answer.decisions.find((each, i) => each.undone && !before[i]?.undone);
-  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product is still the one made with it: Redo makes it without.";
+  if (undone?.action === "help") of("hover").textContent = "The help is taken back. The product was still made with it: Redo makes it again without.";
 }
 
 window.addEventListener("hashchange", guarded(async () => {
@@ -271,13 +276,13 @@ window.addEventListener("hashchange", guarded(async () => {
 
 const box = (name) => () => document.querySelector(`[data-layer="${name}"]`).click();
 const KEYS = {
-  "j": ["next image (also ↓)", () => step(1)], "k": ["image before (also ↑)", () => step(-1)],
-  "a": ["accept, and go on", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
+  "j": ["next image (also ↓)", () => step(1)], "k": ["previous image (also ↑)", () => step(-1)],
+  "a": ["accept, and show the next image", () => decide("accept")], "r": ["reject, with a reason", () => decide("reject")],
   "n": ["note", () => decide("note")], "u": ["undo the latest decision", undo],
   "w": ["worst first", worstFirst], "/": ["type a filter", () => of("filter").focus()], "1": ["corrected limb", box("limb")], "2": ["predicted limb", box("predicted")],
-  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink with the other plane", () => of("blink").click()],
-  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["help the correction", () => help.toggle()],
-  "0": ["whole frame", () => picture.fit()], "9": ["the disk", () => picture.fitDisk()], "+": ["closer", () => picture.zoom(1.5)], "-": ["farther", () => picture.zoom(1 / 1.5)],
+  "3": ["grid", box("grid")], "4": ["terminator", box("terminator")], "5": ["shifts of the markings", box("flow")], "b": ["blink", () => of("blink").click()],
+  "s": ["swipe", () => of("swipe").click()], "m": ["measure", () => of("measure").click()], "h": ["open Help the correction", () => help.toggle()],
+  "0": ["whole frame", () => picture.fit()], "9": ["whole disk", () => picture.fitDisk()], "+": ["zoom in", () => picture.zoom(1.5)], "-": ["zoom out", () => picture.zoom(1 / 1.5)],
   "?": ["this list", () => of("keys").click()],
 };
 of("key-list").replaceChildren(...Object.entries(KEYS).flatMap(([key, [text]]) => ["dt", "dd"].map((kind, i) => Object.assign(document.createElement(kind), { textContent: [key, text][i] }))));

@@ -8,7 +8,7 @@ const VALUES = [
   ["disk radius, px", "radius_px", 4], ["phase, deg", "phase_deg", 4],
   ["centre, px", "centre_px"], ["offset, px", "offset_px"], ["range factor", "range_factor", 8], ["range, free", "range_factor_free", 6],
   ["roll, deg", "roll_deg"], ["attitude, deg", "attitude_deg", 3], ["PSF sigma, px", "psf_sigma_px", 3],
-  ["limb rms, px", "limb_rms_px", 3], ["limb, robust, px", "limb_robust_px", 3], ["limb points", "limb_points"], ["limb disagreeing", "limb_disagreeing", 3],
+  ["limb rms, px", "limb_rms_px", 3], ["limb, robust, px", "limb_robust_px", 3], ["limb points", "limb_points"], ["limb share that disagrees", "limb_disagreeing", 3],
 ];
 
 // Rows whose place among the images of the same camera is stated where it is high.
@@ -19,13 +19,20 @@ export function showSide(page, row) {
   of("product-name").textContent = page.product;
   of("verdict").replaceChildren(marked(row.status ?? result.status ?? "unknown"), row.review ? " " : "", row.review ? marked(row.review) : "");
   of("reason").textContent = row.reason ?? "";
+  of("rank").textContent = page.worst ? `Worst first: ${page.worst}` : "";
   showAdvice(page.advice ?? []);
   showTried(page.tried ?? []);
   showRun(page.run);
   of("failed-later").hidden = !page.failed_later;
-  of("failed-later").textContent = page.failed_later ? `The product is older than the latest try, which failed: ${page.failed_later}` : "";
+  of("failed-later").textContent = page.failed_later ? `The latest attempt failed; this product is from an earlier one. Reason of the failure: ${page.failed_later}` : "";
   const rows = VALUES.map(([name, key, digits]) => [name, result[key] ?? row[key], result.uncertainty?.[key], digits, key]).filter(([, value]) => value !== null && value !== undefined);
   if (result.similarity?.after !== undefined && result.similarity?.after !== null) rows.push(["similarity", `${figure(result.similarity.before, 3)} → ${figure(result.similarity.after, 3)}`]);
+  const patches = result.patches;
+  if (patches?.sigma_map_px) {
+    rows.push(["patches that agree", `${patches.agreeing} of ${patches.tried}`]);
+    rows.push(["place on the map", `± ${figure(patches.sigma_map_px, 2)} px of the map (${figure(patches.sigma_map_px * patches.map_pixel_km, 2)} km)`]);
+    if (!patches.limb_points) rows.push(["close-up", "no limb: a large sigma of the centre says nothing about latitude and longitude"]);
+  }
   if (result.orientation?.markings) rows.push(["orientation", result.orientation.markings]);
   for (const [name, value] of Object.entries(result.guidance ?? {})) if (value !== null && String(value) !== "") rows.push([name.replaceAll("_", " "), value]);
   for (const text of result.warnings ?? []) rows.push(["warning", text]);
