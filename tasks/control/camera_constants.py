@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.camera_constants import SOLVABLE, corner_of
 from tasks.control.settings import ControlSettings
-from tasks.stars.camera_fit import SOLVABLE, corner_of
 
 Array = NDArray[np.float64]
 LEAST_SIGMA = 1e-9  # of a focal length that its camera file states exactly

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from catalog.camera import Camera
+from catalog.camera_constants import FOCAL_LENGTH
 from catalog.pose import write_pose_file
 from catalog.spice import kernel_pool
 from catalog.times import now_utc
@@ -21,7 +22,6 @@ from tasks.kernels.exposure import read_exposure
 from tasks.kernels.sets import groups_of
 from tasks.kernels.write import write_kernel_set
 from tasks.project.points import latitude_longitude
-from tasks.stars.camera_fit import FOCAL_LENGTH
 
 NET, REPORT, IMAGES, POINTS = "control.net", "control.json", "images.csv", "points.csv"
 COVARIANCES = "covariances.npz"

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from catalog.camera_constants import FOCAL_LENGTH
 from catalog.errors import FailedError, RefusedError
 from catalog.plain_text import printable
 from catalog.pose import Pose
@@ -23,7 +24,6 @@ from tasks.joint.parameters import RANGE
 from tasks.mosaic.view import View, view_of
 from tasks.photometry.region import unreadable_products, usable_products
 from tasks.project.uncertainty import ATTITUDE, PARAMETERS, PoseUncertainty
-from tasks.stars.camera_fit import FOCAL_LENGTH
 
 Array = NDArray[np.float64]
 FEWEST_TIES = 10

@@ -15,14 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.camera_constants import SOLVABLE, corner_of
 from catalog.robust import huber_weight
 from catalog.rotation import rotation_from_vector_deg
 from tasks.stars.match import Measured, match_stars
 from tasks.stars.orientation import HUBER, LEAST_SIGMA_PX, extra_sigma, projected
 
 Array = NDArray[np.float64]
-FOCAL_LENGTH, DISTORTION = "focal-length", "distortion"
-SOLVABLE = (FOCAL_LENGTH, DISTORTION)
 ROUNDS, STEPS = 8, 20
 STILL_PX, RESTED_PX = 1e-5, 1e-3  # changes at which the iterations end: of a fit, and between identifications
 SPARE = 6  # measured coordinates beyond the unknowns, at least
@@ -60,11 +59,6 @@ class CameraFit:
     def corner_px(self) -> float:
         """Half diagonal R of the frame."""
         return corner_of(self.camera)
-
-
-def corner_of(camera: Camera) -> float:
-    """Half diagonal of the frame, pixels."""
-    return float(np.hypot(*camera.size_px) / 2)
 
 
 def fit_camera(

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from catalog.camera import Camera
-from tasks.stars.camera_fit import DISTORTION, FOCAL_LENGTH, CameraFit, StarFrame, fit_camera
+from catalog.camera_constants import DISTORTION, FOCAL_LENGTH
+from tasks.stars.camera_fit import CameraFit, StarFrame, fit_camera
 from tasks.stars.field import StarField
 from tasks.stars.image import StarImage
 from tasks.stars.match import Measured

@@ -5,12 +5,13 @@ import pytest
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.camera_constants import DISTORTION, FOCAL_LENGTH, SOLVABLE
 from catalog.rotation import rotation_from_vector_deg, vector_deg_from_rotation
 from catalog.stars.observer import Observer
 from catalog.stars.source import Cone
 from lab.stars.frame import Faults, frame_of, height_of, places_of
 from lab.stars.sky import made_up_sky, seen_directions
-from tasks.stars.camera_fit import DISTORTION, FOCAL_LENGTH, SOLVABLE, CameraFit, StarFrame, corrected, fit_camera
+from tasks.stars.camera_fit import CameraFit, StarFrame, corrected, fit_camera
 from tasks.stars.field import find_stars
 from tasks.stars.match import Measured, match_stars
 from tasks.stars.settings import StarSettings
