@@ -114,10 +114,11 @@ def figures_of(rows: Sequence[Row]) -> dict[str, Any]:
     """Of some scenes. large_beyond_bar: `ok` ones of a wide sunlit disk that are off by more than the bar."""
     sound = [row for row in rows if row["status"] == "ok" and row["centre_error_px"] is not None]
     errors = [row["centre_error_px"] for row in sound]
-    right = {
-        name: float(1 - np.mean([row[f"{name}_wrong"] for row in rows if row.get(f"{name}_wrong") is not None] or [1]))
+    wrong = {
+        name: [row[f"{name}_wrong"] for row in rows if row.get(f"{name}_wrong") is not None]
         for name in ("body", "shadow")
     }
+    right = {name: float(1 - np.mean(shares)) if shares else None for name, shares in wrong.items()}
     return {
         "scenes": len(rows),
         "ok": sum(row["status"] == "ok" for row in rows),
