@@ -1,5 +1,6 @@
 """Fixtures shared by all tests."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -16,6 +17,16 @@ for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMB
 # A busy machine is no fault of what is tested.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")
+
+
+# Modules and tests, millions of objects, live as long as the process: the search for garbage leaves them out.
+gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """From here on garbage is searched for, among what comes now."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")

@@ -21,7 +21,7 @@ from lab.honesty.geometry import (
     true_geometry,
 )
 from lab.honesty.optics import Blur, Detector, bending, blurred
-from lab.honesty.scene import LENSES, MAP_FRAME_SIGMA_DEG, Other, Scene
+from lab.honesty.scene import LENSES, Other, Scene
 from lab.honesty.solids import (
     Relief,
     Solid,
@@ -66,8 +66,8 @@ def target_solid(scene: Scene, true: Geometry) -> tuple[Solid, dict[str, Any]]:
     random = random_of(scene, 3)
     target = find_target(scene.target)
     radius_error = float(random.normal()) * (target.radius_sigma_km or 0.0) / target.mean_radius_km
-    frame_deg = random.normal(size=3) * MAP_FRAME_SIGMA_DEG
     texture = surface_texture(scene, target)
+    frame_deg = random.normal(size=3) * target.expected_map_frame_deg(len(texture))
     solid = Solid(
         true.target_from_spacecraft_km,
         np.asarray(target.radii_km) * (1 + radius_error),

@@ -11,8 +11,6 @@ GOOD_RANGE_SIGMA, GOOD_ATTITUDE_SIGMA_DEG = 0.003, 0.5
 # What the focal length of a camera file that does not state its error is assumed to be good for, relative
 # (`focal_length_sigma`): that of every scene is off by a draw from it.
 FOCAL_SIGMA = 3e-4
-# How far a map's coordinates lie from the body's, about each axis: two maps of Europa differ by 0.1 deg in both.
-MAP_FRAME_SIGMA_DEG = 0.1
 
 
 @dataclass(frozen=True)

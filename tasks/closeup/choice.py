@@ -13,16 +13,20 @@ LEAST_COVER = 0.1
 STEPS = 61
 
 
-def is_close_up(pose: Pose, camera: Camera, target: Target, settings: CloseUpSettings) -> bool:
+def is_close_up(pose: Pose, camera: Camera, target: Target, settings: CloseUpSettings, has_map: bool = True) -> bool:
     """Whether less than `settings.share` of the target's disk is in the frame wherever within `settings.reach_px` of
-    its predicted place the target is, and the target fills a part of the frame there."""
+    its predicted place the target is, and the target fills a part of the frame there. Of a target without a base map
+    the arc of limb in the frame is all there is: a close-up is then but what the target fills where it is predicted."""
     centre = camera.project(pose.target_in_camera_km)
     if settings.share == 0 or not np.isfinite(centre).all():
+        return False
+    radius_px = disk_radius_px(pose, camera, target)
+    if not has_map and shares(centre, radius_px, camera)[1] < 1:
         return False
     away = (np.asarray(camera.size_px) - 1) / 2 - centre
     distance = float(np.hypot(*away))
     nearest = centre + away * min(1.0, settings.reach_px / max(distance, 1e-9))
-    share, cover = shares(nearest, disk_radius_px(pose, camera, target), camera)
+    share, cover = shares(nearest, radius_px, camera)
     return bool(share < settings.share and cover > LEAST_COVER)
 
 

@@ -17,8 +17,9 @@ from tasks.atomic import file_put_in_place
 from tasks.diagnose.step import TRIED, DiagnoseInputs
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish.contained import refuse_what_is_elsewhere
-from tasks.publish.cube import compressor, global_attributes, write_group
+from tasks.publish.cube import global_attributes, write_group
 from tasks.publish.names import RESULT
+from tasks.publish.plain_cube import compressor
 from tasks.publish.publication import Publication
 from tasks.publish.variables import BY_NAME, DIMENSIONS, FLAGS
 from tasks.scene_inputs import SceneFiles

@@ -11,7 +11,8 @@ from tasks.atomic import folder_put_in_place
 from tasks.export.geotiff import map_attributes
 from tasks.export.map_image import LAYERS, MapImage
 from tasks.export.source import Source
-from tasks.publish.cube import CONVENTIONS, compressor, write_group
+from tasks.publish.cube import CONVENTIONS, write_group
+from tasks.publish.plain_cube import compressor
 from tasks.publish.variables import BY_NAME, FLAGS
 
 if TYPE_CHECKING:

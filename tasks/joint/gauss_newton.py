@@ -29,6 +29,8 @@ Image = NDArray[np.float32]
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Inverse variance of what is held.
 FIXED = 1e30
+# Two steps are along one direction from this cosine on; of even steps one is this share of the one before.
+LEAST_PARALLEL, EVEN = 0.97, (0.6, 0.95)
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     )
     weights = linear.values[: len(model.bases)]
     history: list[Array] = []
+    taken = np.zeros(len(NAMES))
     while True:
         line = Line(given, data, variances.weight(model, data, weights, settings), variances.tiles)
         problem, trails = line.linearised(model, weights, linear)
@@ -87,7 +90,9 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
         converged = converged and bool((np.abs(lengthened) < limits.still_trail_px).all())
         if converged or len(history) == settings.max_iterations:
             break
-        found = line.lower(model, step, lengthened, fit)
+        ahead = aitken(step / np.where(error > 0, error, np.inf), taken / np.where(error > 0, error, np.inf))
+        found = line.lower(model, ahead * step, lengthened, fit) if ahead > 1 else None
+        found = found or line.lower(model, step, lengthened, fit)
         if found is None:
             converged = bool((SHARES[-1] * np.abs(step) < np.maximum(error, still(limits))).all())
             break
@@ -100,6 +105,17 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
         if fresh.away_px(model.tiles) > limits.stale_px:
             model = replace(model, tiles=fresh)
     return Solution(given, model.state, fit, problem, model, data, held, history, step, converged, variances)
+
+
+def aitken(step: Array, before: Array) -> float:
+    """How many times as far the rest of the way is as a step (n,), in units of its errors, where steps shrink evenly
+    along one direction, as the linearisation has them too short; 1 where they do not (Aitken 1926, Proc. R. Soc. Edinb.
+    46, 289: the limit of a series of constant ratio)."""
+    square, along = float(before @ before), float(step @ before)
+    if square == 0 or along < LEAST_PARALLEL * np.sqrt(square * float(step @ step)):
+        return 1.0
+    ratio = along / square
+    return 1 / (1 - ratio) if EVEN[0] < ratio < EVEN[1] else 1.0
 
 
 def still(limits: IterationThresholds) -> Array:

@@ -24,7 +24,7 @@ from tasks.profile.layers import Content, Origin, differences, merged, with_late
 from tasks.range import RangeSettings
 from tasks.registry import CLOSEUP, CORRECTIONS
 from tasks.roll import RollSettings
-from tasks.scene_inputs import SceneInputs
+from tasks.scene_inputs import UNIFORM, SceneInputs
 from tasks.simulate import SceneSettings
 from tasks.undistort import UndistortSettings
 from tasks.validate import ValidateSettings
@@ -108,7 +108,8 @@ class Profile(BaseModel):
 
     def takes_for_close_up(self, pose: Pose, scene: SceneInputs) -> bool:
         """Whether a frame is matched to the base map, in one pass, in place of the usual corrections."""
-        return not self._is_held(CLOSEUP.name) and is_close_up(pose, scene.camera, scene.target, self.closeup)
+        has_map = scene.basemap != UNIFORM
+        return not self._is_held(CLOSEUP.name) and is_close_up(pose, scene.camera, scene.target, self.closeup, has_map)
 
     def corrections(self, number: int) -> tuple[CorrectionName, ...]:
         """The corrections of pass `number`, in the order of doing, without those that would change what is held."""

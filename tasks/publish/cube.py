@@ -10,6 +10,7 @@ import numpy as np
 from catalog.target import Target
 from catalog.times import now_utc, utc_from_et
 from tasks.publish.contained import reading_cube
+from tasks.publish.plain_cube import PlainCube, Plane, compressor
 from tasks.publish.planes import cube_arrays
 from tasks.publish.publication import NOT_RESAMPLED, SENSOR, Publication
 from tasks.publish.variables import BY_NAME, COORDINATES, DIMENSIONS, FLAGS, GRID_MAPPING, cube_faults, variables_of
@@ -20,25 +21,29 @@ if TYPE_CHECKING:
 # 1-sigma of the result that a cube repeats.
 STATED = ("offset_px", "range_factor", "roll_deg", "attitude_deg")
 CONVENTIONS = "CF-1.11"
-ZSTD_LEVEL = 3
 
 
 def cube_dataset(publication: Publication) -> "xr.Dataset":
-    """The cube of one image. Raises ValueError, listing every fault, when it departs from `variables.VARIABLES`."""
-    import xarray as xr
+    """The cube of one image as xarray has it; raises as `plain_cube`."""
+    return plain_cube(publication).dataset()
 
+
+def plain_cube(publication: Publication) -> PlainCube:
+    """The cube of one image. Raises ValueError, listing every fault, when it departs from `variables.VARIABLES`."""
     arrays = cube_arrays(publication)
     variables = variables_of(publication.pixel_space, "body_id" in arrays)
-    planes = {v.name: (v.dims, arrays[v.name], _attributes(v.name, publication)) for v in variables}
+    planes = {v.name: Plane(v.dims, arrays[v.name], _attributes(v.name, publication)) for v in variables}
     ny, nx = publication.pixels.image.shape
     frame = "raw" if publication.sensor else "undistorted"
     pixels = {
-        "x": ("x", np.arange(nx, dtype=np.int32), _pixel_attributes(f"sample of the {frame} frame", "to the right")),
-        "y": ("y", np.arange(ny, dtype=np.int32), _pixel_attributes(f"line of the {frame} frame", "downwards")),
+        "x": Plane(
+            ("x",), np.arange(nx, dtype=np.int32), _pixel_attributes(f"sample of the {frame} frame", "to the right")
+        ),
+        "y": Plane(("y",), np.arange(ny, dtype=np.int32), _pixel_attributes(f"line of the {frame} frame", "downwards")),
     }
-    coordinates = pixels | {name: planes.pop(name) for name in COORDINATES}
-    crs = {GRID_MAPPING: ((), np.int32(0), crs_attributes(publication.target))}
-    cube = xr.Dataset(planes | crs, coordinates, global_attributes(publication))
+    crs = {GRID_MAPPING: Plane((), np.asarray(0, np.int32), crs_attributes(publication.target))}
+    attributes = global_attributes(publication)
+    cube = PlainCube(planes | crs | pixels, tuple(COORDINATES), frozenset(planes), attributes)
     faults = cube_faults(cube)
     if faults:
         raise ValueError(f"the cube of {publication.product} is not as it should be: {'; '.join(faults)}")
@@ -57,13 +62,6 @@ def write_cube(cube: "xr.Dataset", path: Path) -> None:
     }
     encoding["quality"]["_FillValue"] = None
     write_group(cube, path, encoding)
-
-
-def compressor() -> Any:
-    """Blosc zstd with byte shuffle."""
-    from zarr.codecs import BloscCodec
-
-    return BloscCodec(cname="zstd", clevel=ZSTD_LEVEL, shuffle="shuffle")
 
 
 def write_group(dataset: "xr.Dataset", path: Path, encoding: dict[str, dict[str, Any]]) -> None:

@@ -20,8 +20,9 @@ from tasks.project.more_planes import ADDED_PLANES, MORE_PLANES, SIGMA_PARTS, mo
 from tasks.project.uncertainty import NEEDED, PoseUncertainty, coordinate_sigmas
 from tasks.publish.checksums import CHECKSUMS, read_checksums
 from tasks.publish.contained import reading_product
-from tasks.publish.cube import CONVENTIONS, compressor, open_cube, software_version, write_group
+from tasks.publish.cube import CONVENTIONS, open_cube, software_version, write_group
 from tasks.publish.names import CUBE
+from tasks.publish.plain_cube import compressor
 from tasks.publish.publication import SENSOR
 
 if TYPE_CHECKING:

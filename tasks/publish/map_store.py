@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tasks.publish.cube import CONVENTIONS, compressor, write_group
+from tasks.publish.cube import CONVENTIONS, write_group
+from tasks.publish.plain_cube import compressor
 from tasks.publish.variables import Variable
 
 if TYPE_CHECKING:

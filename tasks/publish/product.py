@@ -13,9 +13,10 @@ from catalog.target import Target
 from tasks.atomic import folder_put_in_place
 from tasks.publish.checksums import refresh_checksum, write_checksums
 from tasks.publish.contained import reading_product
-from tasks.publish.cube import cube_dataset, open_cube, write_cube
+from tasks.publish.cube import open_cube, plain_cube
 from tasks.publish.names import CUBE, OVERLAY, RESULT, SETTINGS
 from tasks.publish.overlay import draw_overlay
+from tasks.publish.plain_cube import write_plain_cube
 from tasks.publish.publication import Publication
 
 SHOWN_PRODUCTS = 5
@@ -38,7 +39,7 @@ def write_product(publication: Publication, folder: Path) -> None:
     p = publication
     _write_json(folder / SETTINGS, p.settings)
     _write_json(folder / RESULT, {**p.result, "cube": CUBE, "overlay": OVERLAY})
-    write_cube(cube_dataset(p), folder / CUBE)
+    write_plain_cube(plain_cube(p), folder / CUBE)
     caption = _caption(p.product, p.target.name, p.camera.name, p.pose_after, p.result)
     places = (p.pose_before, p.pose_after, p.camera, p.target, folder / OVERLAY, caption)
     draw_overlay(p.observation.image, *places, stars=p.result.get("stars"))

@@ -12,6 +12,8 @@ from tasks.publish.publication import SENSOR
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tasks.publish.plain_cube import PlainCube, Plane
+
 GRID_MAPPING = "crs"
 COORDINATES = ("latitude", "longitude")
 DIMENSIONS = ("y", "x")
@@ -140,7 +142,7 @@ REQUIRED_ATTRIBUTES = (
 )  # fmt: skip
 
 
-def cube_faults(cube: "xr.Dataset") -> list[str]:
+def cube_faults(cube: "xr.Dataset | PlainCube") -> list[str]:
     """Everything in which a cube departs from the table: missing or wrong variables, types, shapes, units, values."""
     faults = [f"attribute {name} is missing" for name in REQUIRED_ATTRIBUTES if name not in cube.attrs]
     if GRID_MAPPING not in cube.variables:
@@ -157,7 +159,7 @@ def cube_faults(cube: "xr.Dataset") -> list[str]:
     return faults
 
 
-def _faults(variable: Variable, array: "xr.DataArray", on_body: NDArray[np.bool_]) -> list[str]:
+def _faults(variable: Variable, array: "xr.DataArray | Plane", on_body: NDArray[np.bool_]) -> list[str]:
     if array.dims != variable.dims or (variable.dims == DIMENSIONS and array.shape != on_body.shape):
         return [f"dimensions {array.dims} of {array.shape}, expected {variable.dims} of {on_body.shape}"]
     if array.dtype != variable.dtype:

@@ -14,6 +14,7 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 
 from catalog.pose import Pose
+from flows.cli import main
 from flows.guided import REQUESTS
 from flows.progress import Silent
 from flows.request import Request
@@ -74,6 +75,31 @@ def command(folder: Path, state: Path, *arguments: str, **more: str) -> subproce
     return subprocess.run(
         [*PLANETPOSE, *arguments], cwd=folder, env=env, capture_output=True, text=True, timeout=240, check=False
     )
+
+
+@pytest.fixture
+def inside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., subprocess.CompletedProcess[str]]:
+    """`command` without a process of its own, for what ends before any work: a process takes seconds to start."""
+
+    def run(folder: Path, *arguments: str, **more: str) -> subprocess.CompletedProcess[str]:
+        with monkeypatch.context() as patch:
+            patch.chdir(folder)
+            for name in [name for name in os.environ if name.startswith("PREFECT_")]:
+                patch.delenv(name)
+            for name, value in environment(tmp_path / "state", folder / "cache", **more).items():
+                patch.setenv(name, value)
+            patch.setattr(sys, "argv", ["planetpose", *arguments])
+            capfd.readouterr()
+            status: Any = 0
+            try:
+                main()
+            except SystemExit as end:
+                status = end.code or 0
+        return subprocess.CompletedProcess(list(arguments), int(status), *capfd.readouterr())
+
+    return run
 
 
 def test_correct_prints_one_json_object_and_nothing_else_on_stdout(
@@ -233,10 +259,10 @@ def test_bad_options_refuse_the_image_and_say_why(
     assert not Path("out").exists()
 
 
-def test_a_store_that_is_a_file_is_reported_before_any_work(here: Path, server_state: Path) -> None:
+def test_a_store_that_is_a_file_is_reported_before_any_work(here: Path, inside: Cli) -> None:
     (here / "taken").write_text("")
     for store, name in (("taken", "taken is a file"), ("taken/below", "taken on its way is a file")):
-        done = command(here, server_state, "correct", *ARGUMENTS, "--store", store, COLUMNS="400")
+        done = inside(here, "correct", *ARGUMENTS, "--store", store, COLUMNS="400")
         assert (done.returncode, done.stdout) == (2, "")
         assert f"store {store}: " in done.stderr
         assert name in done.stderr
@@ -276,8 +302,8 @@ def test_a_folder_in_place_of_an_image_is_refused_saying_what_to_give(here: Path
         ["cache", "clear", "--step", "no-such-step"],
     ],
 )
-def test_wrong_usage_ends_with_2_and_an_empty_stdout(tmp_path: Path, arguments: list[str]) -> None:
-    done = command(tmp_path, tmp_path / "state", *arguments)
+def test_wrong_usage_ends_with_2_and_an_empty_stdout(tmp_path: Path, inside: Cli, arguments: list[str]) -> None:
+    done = inside(tmp_path, *arguments)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr
 
@@ -285,9 +311,11 @@ def test_wrong_usage_ends_with_2_and_an_empty_stdout(tmp_path: Path, arguments: 
 @pytest.mark.parametrize(
     "arguments", [["correct", "a.png"], ["reprocess", "europa57", "--dry-run"], ["kernels", "out"]]
 )
-def test_a_folder_without_kernels_is_wrong_usage_of_every_command(tmp_path: Path, arguments: list[str]) -> None:
+def test_a_folder_without_kernels_is_wrong_usage_of_every_command(
+    tmp_path: Path, inside: Cli, arguments: list[str]
+) -> None:
     (tmp_path / "empty").mkdir()
-    done = command(tmp_path, tmp_path / "state", *arguments, "--kernels", "empty", COLUMNS="400")
+    done = inside(tmp_path, *arguments, "--kernels", "empty", COLUMNS="400")
     assert (done.returncode, done.stdout) == (2, "")
     assert "the folder empty holds no kernel" in done.stderr
 
@@ -301,7 +329,7 @@ def test_a_server_that_is_none_is_wrong_usage(tmp_path: Path, arguments: list[st
     assert list(tmp_path.iterdir()) == []
 
 
-def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: Path) -> None:
+def test_three_commands_at_once_without_a_server_start_one_and_all_succeed(here: Path) -> None:
     """The same image, cache and store: they also meet at every key and at the product."""
     state = here / "state"
     started = time.monotonic()
@@ -314,41 +342,41 @@ def test_four_commands_at_once_without_a_server_start_one_and_all_succeed(here: 
                 stdout=subprocess.PIPE,
                 text=True,
             )
-            for _ in range(4)
+            for _ in range(3)
         ]
         results = [json.loads(process.communicate(timeout=240)[0]) for process in processes]
         servers = (state / "server" / "server.log").read_text().count("dashboard is disabled")
     finally:
         stop_server(ServerFiles(state / "server"))
-    print(f"four commands at once, no server and no database before: {time.monotonic() - started:.1f} s")
-    assert [process.returncode for process in processes] == [0] * 4
-    assert [result["status"] for result in results] == ["ok"] * 4
+    print(f"three commands at once, no server and no database before: {time.monotonic() - started:.1f} s")
+    assert [process.returncode for process in processes] == [0] * 3
+    assert [result["status"] for result in results] == ["ok"] * 3
     assert len({json.dumps(result["pose"]) for result in results}) == 1
     assert servers == 1
     left = {path.name for path in (here / "out").iterdir()}
     assert left == {"small", "index.parquet", ".index.lock", REQUESTS}  # no temporary is left
 
 
-def test_lists_of_cameras_targets_and_profiles(tmp_path: Path) -> None:
+def test_lists_of_cameras_targets_and_profiles(tmp_path: Path, inside: Cli) -> None:
     for listing, name in (("cameras", "galileo-ssi"), ("targets", "europa"), ("profiles", "standard")):
-        plain = command(tmp_path, tmp_path / "state", listing)
-        content = json.loads(command(tmp_path, tmp_path / "state", listing, "--json").stdout)
+        plain = inside(tmp_path, listing)
+        content = json.loads(inside(tmp_path, listing, "--json").stdout)
         assert plain.returncode == 0
         assert name in plain.stdout
         assert name in content
 
 
 def test_the_cache_can_be_measured_and_cleared(
-    corrected: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
+    corrected: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path, inside: Cli
 ) -> None:
     folder = tmp_path / "here"
     shutil.copytree(corrected[0], folder)
     (folder / "cache" / "other").mkdir()
-    assert "point" in command(folder, tmp_path / "state", "cache", "size").stdout
-    assert command(folder, tmp_path / "state", "cache", "clear", "--step", "range").returncode == 0
+    assert "point" in inside(folder, "cache", "size").stdout
+    assert inside(folder, "cache", "clear", "--step", "range").returncode == 0
     assert not (folder / "cache" / "range").exists()
     assert (folder / "cache" / "point").exists()
-    assert command(folder, tmp_path / "state", "cache", "clear").returncode == 0
+    assert inside(folder, "cache", "clear").returncode == 0
     assert [path.name for path in (folder / "cache").iterdir()] == ["other"]  # nothing that is not ours
 
 

@@ -47,6 +47,8 @@ def test_a_close_up_shows_less_than_a_quarter_of_the_disk(
     pose = pose_at(range_km, centre_px)
     assert is_close_up(pose, CAMERA, EUROPA, CloseUpSettings(reach_px=100)) is expected
     assert not is_close_up(pose, CAMERA, EUROPA, CloseUpSettings(share=0))
+    fills = expected and centre_px in ((200, 150), (1500, 900))
+    assert is_close_up(pose, CAMERA, EUROPA, CloseUpSettings(reach_px=100), has_map=False) is fills
 
 
 def test_a_motion_moves_the_frame_as_its_unknowns_say() -> None:

@@ -15,7 +15,7 @@ from tasks.joint import JointSettings
 from tasks.joint.blur import SecondMoment
 from tasks.joint.coarse_to_fine import prior_sigmas
 from tasks.joint.cutout import Cutout
-from tasks.joint.gauss_newton import Line, bearable, solve_joint, still, tiles_at
+from tasks.joint.gauss_newton import Line, aitken, bearable, solve_joint, still, tiles_at
 from tasks.joint.model import Model, axes_across, linear_model
 from tasks.joint.parameters import NAMES, OFFSET, PSF, RANGE, State, difference, with_psf_within
 from tasks.joint.problem import Problem
@@ -203,3 +203,14 @@ def test_an_update_by_correlation_leaves_the_psf_near_its_width(change: float) -
     assert (np.delete(bounded, PSF) == np.delete(step, PSF)).all()
     if abs(change) <= LIMITS.largest_psf:
         assert bounded[PSF] == change
+
+
+@pytest.mark.parametrize("ratio", [0.7, 0.88, 0.93])
+def test_even_steps_are_taken_to_where_they_lead(ratio: float) -> None:
+    step = np.array([0.3, -1.0, 0.0])
+    assert aitken(ratio * step, step) * ratio == pytest.approx(ratio / (1 - ratio))
+    assert aitken(0.3 * step, step) == 1  # converges by itself
+    assert aitken(0.99 * step, step) == 1  # leads nowhere in sight
+    assert aitken(-ratio * step, step) == 1  # to and fro
+    assert aitken(ratio * step[::-1], step) == 1
+    assert aitken(step, np.zeros(3)) == 1

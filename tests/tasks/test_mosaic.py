@@ -31,6 +31,7 @@ VIEWS = (
     "C2058607",
 )
 LIMITS = {"max_incidence_deg": 70.0, "max_emission_deg": 70.0}
+COARSE = {"resolution": "1ppd", "calibration_sigma": 0.05, "units_per_if": 3000.0, **LIMITS}
 
 
 ALBEDO = blotches()
@@ -111,6 +112,14 @@ def test_small_blocks_several_to_a_file_give_the_same_map(store, mosaic, tmp_pat
     assert found[np.isfinite(found)] == pytest.approx(usual[np.isfinite(usual)], rel=2e-3)
 
 
+@pytest.fixture(scope="module")
+def coarse(store, tmp_path_factory):
+    path = tmp_path_factory.mktemp("coarse") / "map.zarr"
+    made = build_mosaic(store[0], path, MosaicSettings(**COARSE))
+    with xr.open_zarr(path) as dataset:
+        return made, dataset.load()
+
+
 @pytest.mark.parametrize(
     ("shape", "memory_mb", "several"),
     [((360, 720), 256.0, 1), ((5760, 11520), 256.0, 2), ((49_000, 98_000), 256.0, 4), ((49_000, 98_000), 1.0, 1)],
@@ -119,13 +128,10 @@ def test_files_of_a_large_map_hold_several_blocks_where_there_is_memory(shape, m
     assert blocks_per_file(shape, 512, memory_mb) == several
 
 
-def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, tmp_path) -> None:
+def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, coarse, tmp_path) -> None:
     spoiled = tmp_path / "spoiled"
     shutil.copytree(store[0], spoiled)
-    settings = MosaicSettings(resolution="1ppd", calibration_sigma=0.05, units_per_if=3000.0, **LIMITS)
-    clean = build_mosaic(spoiled, tmp_path / "clean.zarr", settings)
-    with xr.open_zarr(tmp_path / "clean.zarr") as dataset:
-        before = dataset.load()
+    clean, before = coarse
     row, column = np.argwhere((before["count"].values >= 4) & (before.incidence.values < 45))[0]
     number = int(before.image_index.values[row, column])
     view = load_view(clean.members[number].folder)
@@ -135,12 +141,12 @@ def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, tmp_path) -> N
     x, y = np.rint(pixels_of_points(view.pose, view.camera, place)).astype(int)
     import zarr
 
-    cube = zarr.open_group(str(clean.members[number].folder / "cube.zarr"), mode="r+")
+    cube = zarr.open_group(str(spoiled / clean.members[number].folder.name / "cube.zarr"), mode="r+")
     image = cube["image"][...]
     image[y - 1 : y + 2, x - 1 : x + 2] += 4000
     cube["image"][...] = image
     load_view.cache_clear()
-    build_mosaic(spoiled, tmp_path / "after.zarr", settings)
+    build_mosaic(spoiled, tmp_path / "after.zarr", MosaicSettings(**COARSE))
     load_view.cache_clear()
     with xr.open_zarr(tmp_path / "after.zarr") as dataset:
         after = dataset.load()
@@ -151,9 +157,7 @@ def test_a_cosmic_ray_in_one_of_several_images_is_left_out(store, tmp_path) -> N
 
 @pytest.mark.parametrize("projection", ["orthographic", "polar-stereographic"])
 def test_other_projections_and_bands_have_the_same_values(store, mosaic, tmp_path, projection: str) -> None:
-    settings = MosaicSettings(
-        resolution="1ppd", projection=projection, bands="camera", calibration_sigma=0.05, units_per_if=3000.0, **LIMITS
-    )
+    settings = MosaicSettings(**COARSE, projection=projection, bands="camera")
     made = build_mosaic(store[0], tmp_path / "map.zarr", settings)
     files = write_forms(made, ("cog", "stac"))
     assert len(files) == len(made.models) + 1 >= 3

@@ -1,5 +1,6 @@
 """Cubes of unresampled pixels: their values are the file's, their geometry goes through the distortion model."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,8 @@ from tasks.project.pixels import project_pixels
 from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication, publish, redraw_overlay
-from tasks.publish.cube import cube_dataset, open_cube
+from tasks.publish.cube import cube_dataset, open_cube, plain_cube, write_cube
+from tasks.publish.plain_cube import write_plain_cube
 from tasks.publish.publication import SensorFrame
 from tasks.publish.sensor import pixel_sizes
 from tasks.undistort import UndistortSettings, undistort
@@ -64,6 +66,23 @@ def publications(name: str) -> tuple[Publication, Publication]:
 def cubes(request: pytest.FixtureRequest) -> tuple[Publication, xr.Dataset, xr.Dataset]:
     resampled, sensor = publications(request.param)
     return sensor, cube_dataset(resampled), cube_dataset(sensor)
+
+
+def test_the_group_is_what_xarray_writes_byte_for_byte(tmp_path: Path) -> None:
+    """Pixels of the detector, with a frame beside that has dimensions of its own."""
+    made = plain_cube(publications(CASES[0])[1])
+    write_plain_cube(made, tmp_path / "plain.zarr")
+    write_cube(made.dataset(), tmp_path / "xarray.zarr")
+    plain, theirs = (
+        {str(path.relative_to(top)): path.read_bytes() for path in top.rglob("*") if path.is_file()}
+        for top in (tmp_path / "plain.zarr", tmp_path / "xarray.zarr")
+    )
+    assert plain.keys() == theirs.keys()
+    for name, content in plain.items():
+        same = json.loads(content) == json.loads(theirs[name]) if name.endswith(".json") else content == theirs[name]
+        assert same, name
+    with pytest.raises(FileExistsError):
+        write_plain_cube(made, tmp_path / "plain.zarr")
 
 
 def at_places(plane: xr.DataArray, sensor: SensorFrame) -> np.ndarray:
