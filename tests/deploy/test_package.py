@@ -124,7 +124,7 @@ def test_every_import_of_the_program_is_brought_by_a_declared_dependency() -> No
     """Or it would work only where something else happens to bring it. lab/ has an extra of its own."""
     providers = packages_distributions()
     extras = PROJECT["optional-dependencies"]
-    allowed = brought_by(PROJECT["dependencies"] + extras["dask"] + extras["s3"])
+    allowed = brought_by(PROJECT["dependencies"] + extras["dask"] + extras["s3"] + extras["notebook"])
     of_lab = allowed | brought_by(extras["lab"])
     undeclared: dict[str, set[str]] = {}
     for package in PACKAGES:
