@@ -27,6 +27,7 @@ def patch_figures(
     errors: Errors,
 ) -> dict[str, Any]:
     """What confirms the pose, as results state it: see docs/method/closeup.md."""
+    frame_map_px = np.radians(scene.map_frame_deg) * scene.target.mean_radius_km / map_pixel_km(scene)
     left_map_px = np.hypot(*best.solution.left_px.T) * level.n / map_px
     agree = left_map_px < 1.0
     rms = float(np.sqrt(np.mean(left_map_px[agree] ** 2))) if agree.any() else None
@@ -37,7 +38,7 @@ def patch_figures(
         "rms_map_px": rms,
         "map_pixel_km": map_pixel_km(scene),
         "map_pixel_px": map_px,
-        "sigma_map_px": float(np.hypot(errors.place_px / map_px, settings.map_error_px)),
+        "sigma_map_px": float(np.hypot(np.hypot(errors.place_px / map_px, settings.map_error_px), frame_map_px)),
         "matched_to_map_px": errors.place_px / map_px,
         "sigmas": found.consensus.height,
         "next_best_sigmas": found.consensus.rival,
