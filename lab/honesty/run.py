@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from catalog.digest import sha256_of_file, sha256_of_json
 from lab.honesty.scene import Scene
 from lab.honesty.table import all_scenes
+from lab.rows import read_rows
 from tasks.profile import Profile
 
 if TYPE_CHECKING:
@@ -122,16 +123,6 @@ def run_scenes(
             done[row["key"]] = row
             tell(row)
     return [done[job.key] for job in jobs if job.key in done]
-
-
-def read_rows(path: Path) -> list[Row]:
-    """Rows written before; a last line that was cut off is left out."""
-    if not path.is_file():
-        return []
-    lines = path.read_text(encoding="utf-8").split("\n")
-    if lines[-1]:  # the process ended while writing it
-        path.write_text("".join(f"{line}\n" for line in lines[:-1]), encoding="utf-8")
-    return [json.loads(line) for line in lines[:-1]]
 
 
 def in_processes(jobs: Sequence[Job], workers: int, minutes: float | None) -> Iterator[Row]:

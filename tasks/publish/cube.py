@@ -10,7 +10,7 @@ import numpy as np
 from catalog.target import Target
 from catalog.times import now_utc, utc_from_et
 from tasks.publish.contained import reading_cube
-from tasks.publish.plain_cube import PlainCube, Plane, compressor
+from tasks.publish.plain_cube import PlainCube, Plane
 from tasks.publish.planes import cube_arrays
 from tasks.publish.publication import NOT_RESAMPLED, SENSOR, Publication
 from tasks.publish.variables import BY_NAME, COORDINATES, DIMENSIONS, FLAGS, GRID_MAPPING, cube_faults, variables_of
@@ -48,20 +48,6 @@ def plain_cube(publication: Publication) -> PlainCube:
     if faults:
         raise ValueError(f"the cube of {publication.product} is not as it should be: {'; '.join(faults)}")
     return cube
-
-
-def write_cube(cube: "xr.Dataset", path: Path) -> None:
-    """Write a Zarr v3 group: one chunk per array, Blosc zstd with byte shuffle, consolidated metadata.
-
-    Measured on a LORRI cube of 1024x1024 (44 MB raw; loaded whole, and 64x64 of three planes): this 9.5 MB, 75 and
-    26 ms; zstd-9 8.5 MB but 17 s to write; chunks of 256x256 9.4 MB, 200 and 33 ms; the same in one shard 9.4 MB, 436
-    and 42 ms. The consolidated metadata are for readers who cannot list a folder: those over HTTP.
-    """
-    encoding: dict[str, dict[str, Any]] = {
-        name: {"chunks": cube[name].shape, "compressors": [compressor()]} for name in BY_NAME if name in cube
-    }
-    encoding["quality"]["_FillValue"] = None
-    write_group(cube, path, encoding)
 
 
 def write_group(dataset: "xr.Dataset", path: Path, encoding: dict[str, dict[str, Any]]) -> None:

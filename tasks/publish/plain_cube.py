@@ -70,8 +70,13 @@ def compressor() -> Any:
 
 
 def write_plain_cube(cube: PlainCube, path: Path) -> None:
-    """Write a new Zarr v3 group: one chunk per array, consolidated metadata. Raises FileExistsError when there is
-    one."""
+    """Write a new Zarr v3 group: one chunk per array, Blosc zstd with byte shuffle, consolidated metadata. Raises
+    FileExistsError when there is one.
+
+    Measured on a LORRI cube of 1024x1024 (44 MB raw; loaded whole, and 64x64 of three planes): this 9.5 MB, 75 and
+    26 ms; zstd-9 8.5 MB but 17 s to write; chunks of 256x256 9.4 MB, 200 and 33 ms; the same in one shard 9.4 MB, 436
+    and 42 ms. The consolidated metadata are for readers who cannot list a folder: those over HTTP.
+    """
     import warnings
 
     import zarr

@@ -13,11 +13,12 @@ import lab.honesty.run as honesty_run
 from lab.honesty.assess import assess, stated_covariance, violations
 from lab.honesty.geometry import planted_errors, seen_geometry, seen_place_px, true_geometry
 from lab.honesty.report import summary
-from lab.honesty.run import Job, chosen_scenes, read_rows, run_scene, run_scenes
+from lab.honesty.run import Job, chosen_scenes, run_scene, run_scenes
 from lab.honesty.scene import Other, Scene
 from lab.honesty.table import GROUPS, all_scenes
 from lab.honesty.table_surfaces import LENS_NAMES
 from lab.honesty.tables import markdown
+from lab.rows import read_rows
 from tasks.profile import find_profile
 
 SCENE = Scene("made-000", "made", 5, radius_px=50.0, phase_deg=50.0)

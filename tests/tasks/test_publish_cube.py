@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.spatial.transform import Rotation
+from small_product import write_cube
 
 from catalog.camera import Camera
 from catalog.observation import Observation, Quality
@@ -15,7 +16,7 @@ from tasks.project.backplanes import PLANES
 from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication
-from tasks.publish.cube import cube_dataset, open_cube, write_cube
+from tasks.publish.cube import cube_dataset, open_cube
 from tasks.publish.planes import rounded_to_bits
 from tasks.publish.variables import REQUIRED_ATTRIBUTES, VARIABLES, cube_faults
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from scipy.ndimage import map_coordinates
+from small_product import write_cube
 
 from catalog.camera import Camera, known_cameras
 from catalog.observation import Observation, Quality
@@ -20,7 +21,7 @@ from tasks.project.pixels import project_pixels
 from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication, publish, redraw_overlay
-from tasks.publish.cube import cube_dataset, open_cube, plain_cube, write_cube
+from tasks.publish.cube import cube_dataset, open_cube, plain_cube
 from tasks.publish.plain_cube import write_plain_cube
 from tasks.publish.publication import SensorFrame
 from tasks.publish.sensor import pixel_sizes

@@ -1,8 +1,10 @@
 """A small product whose pixels are what its pose says: a Lambert disk of 60 px radius, for tests of stores."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from scipy.spatial.transform import Rotation
 
 from catalog.camera import Camera
@@ -12,6 +14,9 @@ from catalog.target import Target
 from tasks.project.planes import project_planes
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish import Publication
+from tasks.publish.cube import write_group
+from tasks.publish.plain_cube import compressor
+from tasks.publish.variables import BY_NAME
 
 EUROPA = Target(
     name="europa", naif_id=502, radii_km=(1562.6, 1560.3, 1559.5), body_frame="IAU_EUROPA", iau_crs="IAU_2015:50200"
@@ -50,3 +55,12 @@ def small_publication(product: str = "C0001", size: int = 160, radius_px: float 
         "provenance": PROVENANCE,
     }
     return Publication(**{**given, **changes})
+
+
+def write_cube(cube: xr.Dataset, path: Path) -> None:
+    """A cube by xarray, encoded as products' cubes are: the reference of the program's own writer."""
+    encoding: dict[str, dict[str, Any]] = {
+        name: {"chunks": cube[name].shape, "compressors": [compressor()]} for name in BY_NAME if name in cube
+    }
+    encoding["quality"]["_FillValue"] = None
+    write_group(cube, path, encoding)

@@ -13,7 +13,7 @@ import xarray as xr
 from astropy.io import fits
 from astropy.wcs import WCS
 from pyproj import CRS
-from small_product import small_publication
+from small_product import small_publication, write_cube
 
 from catalog.errors import RefusedError
 from catalog.observation import Quality
@@ -27,7 +27,7 @@ from tasks.export.settings import FORMATS, ExportSettings
 from tasks.export.source import read_source
 from tasks.export.stac import target_class
 from tasks.publish import publish
-from tasks.publish.cube import cube_dataset, write_cube
+from tasks.publish.cube import cube_dataset
 from tasks.publish.extra_planes import write_extra_planes
 
 SETTINGS = ExportSettings(FORMATS, "orthographic")

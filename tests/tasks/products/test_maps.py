@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_product import EUROPA, pose_of, small_publication
+from small_product import EUROPA, pose_of, small_publication, write_cube
 
 from catalog.errors import RefusedError
 from catalog.observation import Observation, Quality
@@ -13,7 +13,7 @@ from tasks.export.map_image import LAYERS, map_image
 from tasks.export.source import read_source
 from tasks.project.planes import project_planes
 from tasks.project.points import pixels_of_points, surface_points
-from tasks.publish.cube import cube_dataset, write_cube
+from tasks.publish.cube import cube_dataset
 from tasks.publish.publication import SensorFrame
 
 PROJECTIONS = ("equirectangular", "orthographic", "polar-stereographic")
