@@ -208,7 +208,7 @@ def _eliminate_tile(normal, prior, by_all, inverse, common):  # type: ignore[no-
 
 
 class Residuals(NamedTuple):
-    """Images (ny, nx) of `residuals`, and Huber's cost."""
+    """Images (pixels,) of `residuals`, and Huber's cost."""
 
     gain: Image
     residual: Image
@@ -220,20 +220,19 @@ def residuals(
     columns: Columns,
     order: NDArray[np.int64],
     base: Image,
-    values: Array,
-    own: Array,
+    fit: tuple[Array, Array],
     gains: int,
     huber: float,
-    shape: tuple[int, ...],
 ) -> Residuals:
-    """What the values (n,) and the tiles' values (tiles, local) leave of the image, with the weights lowered for that;
-    and what the first `gains` of the tiles' add relative to the first of their columns."""
+    """What the values (n,) and the tiles' values (tiles, local) of `fit` leave of the image, with the weights lowered
+    for that; and what the first `gains` of the tiles' add relative to the first of their columns."""
+    values, own = fit
     gain, residual, weight = (np.zeros(len(order), np.float32) for _ in range(3))
     out = (gain, residual, weight)
     cost = _evaluate(
         columns.design, columns.n, gains, columns.target, base, columns.ends, order, values, own, huber, out
     )
-    return Residuals(gain.reshape(shape), residual.reshape(shape), weight.reshape(shape), float(cost))
+    return Residuals(gain, residual, weight, float(cost))
 
 
 @compiled_reordered

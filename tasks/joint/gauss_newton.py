@@ -29,8 +29,6 @@ Image = NDArray[np.float32]
 SHARES = (1.0, 0.3, 0.1, 0.03)
 # Inverse variance of what is held.
 FIXED = 1e30
-# Two steps are along one direction from this cosine on; of even steps one is this share of the one before.
-LEAST_PARALLEL, EVEN = 0.97, (0.6, 0.95)
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     data = data_at(given, start, window)
     radius = disk_radius_px(start.pose, scene.camera, scene.target)
     layout = warm.model.tiles.layout if warm else layout_for(radius, settings.tiles)
-    model = linear_model(
-        scene, start, window, tiles_at(start, scene, window, layout), settings, data.light_behind, given.sun_deg
-    )
+    model = linear_model(given, start, window, tiles_at(start, scene, window, layout), data.light_behind)
     variances = warm.variances if warm else VarianceModel.at_first(model, settings)
     weights = first_weights(model, data, settings)
     linear = solve_linear(
@@ -90,7 +86,8 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
         converged = converged and bool((np.abs(lengthened) < limits.still_trail_px).all())
         if converged or len(history) == settings.max_iterations:
             break
-        ahead = aitken(step / np.where(error > 0, error, np.inf), taken / np.where(error > 0, error, np.inf))
+        unit = np.where(error > 0, error, np.inf)
+        ahead = aitken(step / unit, taken / unit, limits)
         found = line.lower(model, ahead * step, lengthened, fit) if ahead > 1 else None
         found = found or line.lower(model, step, lengthened, fit)
         if found is None:
@@ -107,15 +104,15 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     return Solution(given, model.state, fit, problem, model, data, held, history, step, converged, variances)
 
 
-def aitken(step: Array, before: Array) -> float:
+def aitken(step: Array, before: Array, limits: IterationThresholds) -> float:
     """How many times as far the rest of the way is as a step (n,), in units of its errors, where steps shrink evenly
     along one direction, as the linearisation has them too short; 1 where they do not (Aitken 1926, Proc. R. Soc. Edinb.
     46, 289: the limit of a series of constant ratio)."""
     square, along = float(before @ before), float(step @ before)
-    if square == 0 or along < LEAST_PARALLEL * np.sqrt(square * float(step @ step)):
+    if square == 0 or along < limits.least_parallel * np.sqrt(square * float(step @ step)):
         return 1.0
     ratio = along / square
-    return 1 / (1 - ratio) if EVEN[0] < ratio < EVEN[1] else 1.0
+    return 1 / (1 - ratio) if limits.least_even < ratio < limits.most_even else 1.0
 
 
 def still(limits: IterationThresholds) -> Array:
@@ -209,15 +206,7 @@ class Line:
 
     def model_at(self, state: State, model: Model) -> Model:
         """The model at another state, under the same window and tiles."""
-        return linear_model(
-            self.given.scene,
-            state,
-            model.window,
-            model.tiles,
-            self.given.settings,
-            self.data.light_behind,
-            self.given.sun_deg,
-        )
+        return linear_model(self.given, state, model.window, model.tiles, self.data.light_behind)
 
     def cost(self, model: Model, weights: Array, fit: Fit) -> tuple[float, Fit]:
         """Cost of the state of `model` with the best linear unknowns, and their fit."""

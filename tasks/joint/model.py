@@ -18,7 +18,7 @@ from catalog.rotation import rotation_from_vector_deg
 from tasks.compare.occulted import finer
 from tasks.joint.derivatives import changes_of_place
 from tasks.joint.parameters import ATTITUDE, NAMES, State
-from tasks.joint.settings import JointSettings
+from tasks.joint.problem import Problem
 from tasks.joint.smear import trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
@@ -130,18 +130,10 @@ def _weighted(images: list[Image], weights: NDArray) -> Image:
     return total
 
 
-def linear_model(
-    scene: Scene,
-    state: State,
-    window: Window,
-    tiles: Tiles,
-    settings: JointSettings,
-    behind: Image | None = None,
-    sun_deg: float = 0.0,
-) -> Model:
+def linear_model(given: Problem, state: State, window: Window, tiles: Tiles, behind: Image | None = None) -> Model:
     """Find the surface at `state` and prepare everything that the linear fit and the derivatives need. behind: (ny, nx)
-    light that the disk hides, or None. sun_deg: 1-sigma of the
-    direction to the Sun; 0 where it is known."""
+    light that the disk hides, or None."""
+    scene, settings = given.scene, given.settings
     s = settings.oversample or scene.oversample_for(state.pose)
     pose = state.pose
     shines = shines_of(pose, scene.target, scene.settings.others)
@@ -176,8 +168,8 @@ def linear_model(
         tiles=tiles,
         wings_px=settings.wings_px,
         hides=int(behind is not None),
-        by_sun=changes_by_sun(scene, state.pose, window, s, chosen, surface, shades) if sun_deg > 0 else (),
-        sun_deg=sun_deg,
+        by_sun=changes_by_sun(scene, state.pose, window, s, chosen, surface) if given.sun_deg > 0 else (),
+        sun_deg=given.sun_deg,
     )
 
 
@@ -188,16 +180,16 @@ def changes_by_sun(
     oversample: int,
     laws: tuple[Law, ...],
     here: FineSurface,
-    shades: list[Image],
 ) -> tuple[list[Image], ...]:
-    """For each of two turns of the Sun's direction about axes across it, what `shades` (of the laws, at `pose`, whose
-    surface is `here`) change by per degree."""
+    """For each of two turns of the Sun's direction about axes across it, what the shades of the laws at `pose`, whose
+    surface is `here`, change by per degree."""
+    before = {law: law(here.mu0, here.mu, pose.phase_deg) * here.cover for law in set(laws)}
     changes = []
     for axis in axes_across(pose.sun_from_target_km):
         moved = pose.replaced(sun_from_target_km=rotation_from_vector_deg(axis) @ pose.sun_from_target_km)
         there = fine_surface(scene, moved, window, oversample)
-        shade = {law: law(there.mu0, here.mu, pose.phase_deg) * here.cover for law in set(laws)}
-        changes.append([shade[law] - before for law, before in zip(laws, shades, strict=False)])
+        change = {law: law(there.mu0, here.mu, pose.phase_deg) * here.cover - before[law] for law in before}
+        changes.append([change[law] for law in laws])
     return tuple(changes)
 
 

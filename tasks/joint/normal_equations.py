@@ -85,16 +85,16 @@ def solve_linear(problem: LinearProblem, weight: Image, start: Image | None = No
         by_others = found.by_all[..., :n]
         own = found.by_all[..., n] - by_others @ values
         fit = values, own
-    left = residuals(columns, order, base, values, own, GAINS, huber, problem.image.shape)
+    left, shape = residuals(columns, order, base, (values, own), GAINS, huber), problem.image.shape
     cost = left.cost + float(problem.prior @ (values - problem.expected) ** 2)
     cost += float(np.sum(problem.local_prior * own**2))
     return Fit(
         values,
         found.information,
         whole,
-        left.gain,
-        left.residual,
-        left.weight,
+        left.gain.reshape(shape),
+        left.residual.reshape(shape),
+        left.weight.reshape(shape),
         cost,
         own,
         found.inverse,

@@ -41,6 +41,15 @@ class IterationThresholds(BaseModel):
     learning: int = _threshold(
         4, "The variances are learned after so many steps, no more: they and the solution could alternate. Choice."
     )
+    least_parallel: float = _threshold(
+        0.97, "Two steps are along one direction from this cosine on, the unknowns in units of their errors. Choice."
+    )
+    least_even: float = _threshold(
+        0.6,
+        "Along one direction, a step of this share of the one before and more is a part of a series that shrinks "
+        "evenly, and its limit is tried at once. Choice: below it the next step is the last but one anyway.",
+    )
+    most_even: float = _threshold(0.95, "The same, at most: beyond it the limit is too uncertain. Choice.")
     huber_rounds: int = _threshold(2, "Rounds of down-weighting outliers within one linear problem. Choice.")
 
 

@@ -217,7 +217,8 @@ def test_our_lambert_shading_is_mitsubas_own() -> None:
     camera = small_camera(150, size).model_copy(update={"centre_px": (99.5, 99.5)})
     pose = true_pose(camera, centre_px=(104.2, 91.7), phase_deg=60)
     scene = Scene(camera, LONG_BODY, uniform_map(), scene_of(camera, "lambert").settings)
-    ours = scene.shade(scene.surface(pose, Window(0, 0, *size), 2), pose.phase_deg)[0]
+    window = Window(0, 0, *size)
+    ours = scene.shade(scene.surface(pose, window, 2), pose, window, 2)[0]
     theirs = lambert_by_mitsuba(pose, camera, LONG_BODY, 2)
     inside = (ours > 0) & (theirs > 0)
     assert inside.sum() > 0.98 * max((ours > 0).sum(), (theirs > 0).sum())

@@ -123,7 +123,7 @@ def test_the_model_changes_as_its_derivatives_say(given: Problem, unknown: int) 
     fine = SETTINGS.model_copy(update={"oversample": 5})
 
     def model_at(state: State) -> Model:
-        return linear_model(SCENE, state, window, tiles, fine)
+        return linear_model(replace(given, settings=fine), state, window, tiles)
 
     here = model_at(start)
     weights = np.linspace(1.0, 0.4, len(here.bases))
@@ -140,14 +140,14 @@ def test_the_model_changes_as_its_derivatives_say(given: Problem, unknown: int) 
 
 
 @pytest.mark.parametrize("phase_deg", [5.0, 40.0, 100.0])
-def test_the_model_changes_with_the_sun_as_its_columns_say(phase_deg: float) -> None:
+def test_the_model_changes_with_the_sun_as_its_columns_say(given: Problem, phase_deg: float) -> None:
     """Central differences of two renderings, the Sun turned about each of the two axes across its direction."""
     pose = with_sun(TRUTH, 30.0, phase_deg)
     start, window = State(pose, CAMERA.psf_sigma_px), framed_window(SCENE, pose)
     tiles = tiles_at(start, SCENE, window, layout_for(disk_radius_px(pose, CAMERA, EUROPA), SETTINGS.tiles))
 
     def model_at(state: State, sun_deg: float = 0.0) -> Model:
-        return linear_model(SCENE, state, window, tiles, SETTINGS, sun_deg=sun_deg)
+        return linear_model(replace(given, sun_deg=sun_deg), state, window, tiles)
 
     here = model_at(start, 2.0)
     weights = np.linspace(1.0, 0.4, len(here.bases))
@@ -208,9 +208,9 @@ def test_an_update_by_correlation_leaves_the_psf_near_its_width(change: float) -
 @pytest.mark.parametrize("ratio", [0.7, 0.88, 0.93])
 def test_even_steps_are_taken_to_where_they_lead(ratio: float) -> None:
     step = np.array([0.3, -1.0, 0.0])
-    assert aitken(ratio * step, step) * ratio == pytest.approx(ratio / (1 - ratio))
-    assert aitken(0.3 * step, step) == 1  # converges by itself
-    assert aitken(0.99 * step, step) == 1  # leads nowhere in sight
-    assert aitken(-ratio * step, step) == 1  # to and fro
-    assert aitken(ratio * step[::-1], step) == 1
-    assert aitken(step, np.zeros(3)) == 1
+    assert aitken(ratio * step, step, LIMITS) * ratio == pytest.approx(ratio / (1 - ratio))
+    assert aitken(0.3 * step, step, LIMITS) == 1  # converges by itself
+    assert aitken(0.99 * step, step, LIMITS) == 1  # leads nowhere in sight
+    assert aitken(-ratio * step, step, LIMITS) == 1  # to and fro
+    assert aitken(ratio * step[::-1], step, LIMITS) == 1
+    assert aitken(step, np.zeros(3), LIMITS) == 1

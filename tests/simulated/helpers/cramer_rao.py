@@ -22,7 +22,7 @@ def cramer_rao(given: Problem, truth: State) -> NDArray[np.float64]:
     data = data_at(given, truth, framed_window(scene, truth.pose))
     layout = layout_for(disk_radius_px(truth.pose, scene.camera, scene.target), settings.tiles)
     tiles = tiles_at(truth, scene, data.window, layout)
-    model = linear_model(scene, truth, data.window, tiles, settings, data.light_behind)
+    model = linear_model(given, truth, data.window, tiles, data.light_behind)
     weights = first_weights(model, data, settings)
     moving = model.derivatives(weights, np.zeros_like(data.image))
     moving[held] = 0
