@@ -112,10 +112,12 @@ class VarianceThresholds(BaseModel):
     neighbours: int = _threshold(
         4, "Tiles per side whose residuals may all err together: what a map gets wrong reaches over so many. Choice."
     )
-    most_lost: float = _threshold(
+    most_lost: float = Field(
         0.5,
-        "Residuals are smaller than errors by what the unknowns took up of them, at most by this share. Choice: of a "
-        "small disk's few groups of tiles they take all, and their number is no correction.",
+        gt=0,
+        lt=1,
+        description="Residuals are smaller than errors by what the unknowns took up of them, at most by this share. "
+        "Choice: of a small disk's few groups of tiles they take all, and their number is no correction.",
     )
     limb_cover: float = _threshold(
         0.003, "Pixels that the blurred disk covers by more, and by less than one minus this, are its limb. Choice."
