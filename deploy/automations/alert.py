@@ -43,5 +43,5 @@ def main(url: str) -> None:
 
 if __name__ == "__main__":
     if not os.environ.get("PLANETPOSE_ALERT_URL"):
-        sys.exit("PLANETPOSE_ALERT_URL: the address that is told")
+        sys.exit("PLANETPOSE_ALERT_URL: set it to the address that receives alerts")
     main(os.environ["PLANETPOSE_ALERT_URL"])

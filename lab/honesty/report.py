@@ -123,7 +123,7 @@ def within(pairs: list[tuple[Row, Row | None]]) -> Row:
 
 
 def is_result(row: Row, error: Row) -> bool:
-    """Whether the image told what an error is of, and the result states its sigma."""
+    """Whether the image determines what an error is of, and the result states its sigma."""
     return "stated" not in error or (error["stated"] and row["result"]["attitude_deg"] is not None)
 
 

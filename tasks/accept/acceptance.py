@@ -108,8 +108,9 @@ def doubtful_target(accept: AcceptSettings, report: ValidateResult, predicted: P
         return None
     return (
         f"{Reason.TARGET_NOT_CONFIRMED}: no markings of a base map show that the body is the target, and its range is "
-        "from a pose file that states no error of it, or was found in the image: another body as round, at the range "
-        "at which it is as wide, looks the same. Give kernels, or the range's error in the pose file (errors.range_km)."
+        f"from a pose file that states no error of it (or more than {accept.sure_range:.0%}), or was found in the "
+        "image: another body as round, at the range at which it is as wide, looks the same. Give kernels, or the "
+        "range's error in the pose file (errors.range_km)."
     )
 
 

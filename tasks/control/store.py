@@ -105,8 +105,8 @@ def prior_of(uncertainty: dict[str, Any], settings: ControlSettings) -> Array:
 
 
 def with_range_of_trajectory(source: Source, prior: Array) -> tuple[Pose, Array]:
-    """The pose and its covariance (7, 7) with the range, and its error, that the metadata give: the one that an image
-    asked for holds the focal length that is to be found. As they are where no joint step says what the range was."""
+    """The pose and its covariance (7, 7) with the range, and its error, that the metadata give: the one from
+    the image assumes the focal length that is to be found. As they are where no joint step says what the range was."""
     corrections = json.loads(source.attributes["provenance"]).get("corrections", {})
     evidence = [each["evidence"] for name, each in corrections.items() if name.startswith("joint")]
     if not evidence or "range_factor_prior_sigma" not in evidence[-1]:

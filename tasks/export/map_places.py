@@ -17,7 +17,7 @@ REACH_PX = 1.5  # of the undistorted frame: a place with no raw pixel nearer tha
 
 
 class MapPlaces:
-    """A product's pixels as those of a map are asked for."""
+    """A product's pixels, addressed as those of a map."""
 
     def __init__(self, source: Source) -> None:
         self.source = source

@@ -124,7 +124,8 @@ def turn_to_features(
 
 def mean_turn_deg(poses: Sequence[Pose], before: Sequence[Pose]) -> Array:
     """The turn (3,), rotation vector, body-fixed, that best takes the bodies' orientations `before` to those of
-    `poses`: of each only its part across the line of sight counts, about which camera and body cannot be told apart."""
+    `poses`: of each only its part across the line of sight counts, for about it a turn of the body looks like
+    one of the camera."""
     normal, right = np.zeros((3, 3)), np.zeros(3)
     for pose, old in zip(poses, before, strict=True):
         turn = vector_deg_from_rotation(pose.body_from_j2000 @ old.body_from_j2000.T)

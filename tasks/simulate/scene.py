@@ -53,8 +53,8 @@ class Surface:
 class Simulation:
     """bases: float32 (k, ny, nx) basis images under `window`; the simulated image is their weighted sum plus a
     background. shading: the same without the map (albedo 1). coverage, lit: fraction of each pixel that the target
-    and its sunlit side fill; blurred like the image. draw_shading, draw_lit: draw these two, which few ask for, when
-    they are asked for. hides: how many of the bases, the last ones, are no light of the target but what it takes away
+    and its sunlit side fill; blurred like the image. draw_shading, draw_lit: draw these two, which few need, at their
+    first use. hides: how many of the bases, the last ones, are no light of the target but what it takes away
     of the light behind it."""
 
     window: Window

@@ -19,8 +19,8 @@ const named = encodeURIComponent;
 
 class Server {
   about() { return getJson("api/store"); }
-  rows(asked, first, count) { return getJson(`api/table?${query({ ...asked, first, count })}`); }
-  async place(product, asked) { return (await getJson(`api/place?${query({ product, ...asked })}`)).place; }
+  rows(criteria, first, count) { return getJson(`api/table?${query({ ...criteria, first, count })}`); }
+  async place(product, criteria) { return (await getJson(`api/place?${query({ product, ...criteria })}`)).place; }
   points(x, y, text) { return getJson(`api/points?${query({ x, y, text })}`); }
   product(name, side = 0) { return getJson(`api/products/${named(name)}?side=${side}`); }
   // The page, and the tiles of a plane at the level that is drawn first.
@@ -79,13 +79,13 @@ class Files {
     }
     return this.orders.get(key);
   }
-  async rows(asked, first, count) {
-    const order = this.order(asked), counts = {};
+  async rows(criteria, first, count) {
+    const order = this.order(criteria), counts = {};
     for (const row of order) counts[row.status] = (counts[row.status] ?? 0) + 1;
     return { rows: order.slice(first, first + count), fitting: order.length, images: this.table.length, counts };
   }
-  async place(product, asked) {
-    const found = this.order(asked).findIndex((row) => row.product === product);
+  async place(product, criteria) {
+    const found = this.order(criteria).findIndex((row) => row.product === product);
     return found < 0 ? null : found;
   }
   async points(x, y, text) {

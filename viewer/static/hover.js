@@ -13,7 +13,7 @@ export class Hover {
     Object.assign(this, elements, { picture, pins: [], at: null });
   }
 
-  // The tiles that hovering needs, asked for before the mouse comes.
+  // The tiles that hovering needs, requested before the mouse comes.
   async prepare(page) {
     const column = Math.floor(page.centre_px?.[0] / page.tile_px) || 0, row = Math.floor(page.centre_px?.[1] / page.tile_px) || 0;
     const inside = [column, row].every((place, i) => place >= 0 && place * page.tile_px < page.size_px[i]);

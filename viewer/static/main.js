@@ -23,7 +23,7 @@ const picture = new Picture(of("picture"), {
   hover: (place) => { const begun = performance.now(); hover.move(place); times.hovered.push(performance.now() - begun); if (times.hovered.length > 500) times.hovered.shift(); },
   click: guarded(async (place) => { if (help.open && !state.about.read_only) help.put(place); else await hover.pin(place); }),
   loaded: () => { hover.move(hover.at); picture.legend(of("legend-bar"), of("legend-text")); showPlaneFault(); },
-  drawn: (page) => { times.opened.push({ product: page.product, ms: performance.now() - state.asked }); afterFirstPicture(page); },
+  drawn: (page) => { times.opened.push({ product: page.product, ms: performance.now() - state.chosenAt }); afterFirstPicture(page); },
   dragKind: (place, at) => {
     if (picture.swipe !== null && Math.abs(at[0] - picture.swipe * picture.width) < 10) return "swipe";
     if (of("measure").ariaPressed === "true") return "measure";
@@ -59,14 +59,14 @@ function showPlaneFault() {
 
 // Show an image. place: in the table as it is sorted, if that is known.
 async function choose(product, place = undefined) {
-  state.asked = performance.now();
+  state.chosenAt = performance.now();
   state.product = product;
   const opening = await openingOf(product);
   if (state.product !== product) return;
   picture.take(opening);
   const { page } = opening;
   await show(page);
-  state.place = place ?? await backend.place(product, table.asked);
+  state.place = place ?? await backend.place(product, table.criteria);
   table.select(state.place, product);
   if (state.about.other) await showOther(page, product);
   plot.selected = product;
@@ -195,17 +195,17 @@ function reason(title) {
 let typed = 0;
 async function ask(text) {
   try {
-    await table.ask({ ...table.asked, text });
+    await table.ask({ ...table.criteria, text });
     of("filter").ariaInvalid = "false";
     fault("");
     if (!of("plots-view").hidden) await plot.load(text);
-    if (!of("sheet-view").hidden) await sheet.load(table.asked);
+    if (!of("sheet-view").hidden) await sheet.load(table.criteria);
   } catch (error) { of("filter").ariaInvalid = "true"; fault(error); }
 }
 of("filter").addEventListener("input", () => { clearTimeout(typed); typed = setTimeout(() => ask(of("filter").value), 150); });
 of("filter-form").addEventListener("submit", (event) => { event.preventDefault(); clearTimeout(typed); ask(of("filter").value); of("table").focus(); });
 async function worstFirst() {
-  await table.ask({ ...table.asked, sort: "worst", down: true });
+  await table.ask({ ...table.criteria, sort: "worst", down: true });
   const row = await table.rowAt(0);
   if (row) await choose(row.product, 0);
 }
@@ -221,8 +221,8 @@ of("save-filter").addEventListener("click", () => {
 const VIEWS = ["table", "sheet", "plots"];
 const open = guarded(async (name) => {
   for (const each of VIEWS) { of(`${each}-view`).hidden = each !== name; of(`tab-${each}`).ariaSelected = String(each === name); }
-  if (name === "sheet") await sheet.load(table.asked);
-  if (name === "plots") { plot.selected = state.product; await plot.load(table.asked.text); }
+  if (name === "sheet") await sheet.load(table.criteria);
+  if (name === "plots") { plot.selected = state.product; await plot.load(table.criteria.text); }
 });
 for (const name of VIEWS) of(`tab-${name}`).addEventListener("click", () => open(name));
 of("refresh").addEventListener("click", guarded(async () => { openings.clear(); await backend.refresh(); await ask(of("filter").value); }));
@@ -306,8 +306,8 @@ document.addEventListener("keydown", (event) => {
 guarded(async () => {
   const wanted = decodeURIComponent(location.hash.slice(1)), likely = wanted || document.querySelector('meta[name="planetpose-first"]').content;
   if (!isStatic && likely) openingOf(likely).catch(() => null);  // while the table comes
-  const asked = isStatic ? null : table.ask(table.asked);
-  asked?.catch(() => null);
+  const firstRows = isStatic ? null : table.ask(table.criteria);
+  firstRows?.catch(() => null);
   state.about = await backend.about();
   const name = state.about.store.split(/[\\/]/).pop();
   document.title = `${name} - planetpose view`;
@@ -325,8 +325,8 @@ guarded(async () => {
   }));
   listSaved();
   if (state.about.other) [picture.other, picture.otherSide] = ["image", 1];
-  await (asked ?? ask(""));
-  const first = wanted && await backend.place(wanted, table.asked) !== null ? wanted : (await table.rowAt(0))?.product;
+  await (firstRows ?? ask(""));
+  const first = wanted && await backend.place(wanted, table.criteria) !== null ? wanted : (await table.rowAt(0))?.product;
   if (first) await choose(first, wanted ? undefined : 0);
   else fault("The store holds no images.");
   of("table").focus();

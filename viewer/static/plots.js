@@ -86,14 +86,14 @@ const SHEET = 60;
 // Small pictures of the images that fit, more as one scrolls.
 export class Sheet {
   constructor(element, on) {
-    Object.assign(this, { element, on, asked: null, first: 0, total: 0 });
+    Object.assign(this, { element, on, criteria: null, first: 0, total: 0 });
     element.addEventListener("scroll", () => {
       if (element.scrollTop + element.clientHeight > element.scrollHeight - 300) this.more();
     });
   }
 
-  async load(asked) {
-    Object.assign(this, { asked, first: 0, total: Infinity, loading: false });
+  async load(criteria) {
+    Object.assign(this, { criteria, first: 0, total: Infinity, loading: false });
     this.element.replaceChildren();
     await this.more();
   }
@@ -101,7 +101,7 @@ export class Sheet {
   async more() {
     if (this.loading || this.first >= this.total) return;
     this.loading = true;
-    const page = await backend.rows(this.asked, this.first, SHEET);
+    const page = await backend.rows(this.criteria, this.first, SHEET);
     this.total = page.fitting;
     this.element.append(...page.rows.map((row, i) => this.button(row, this.first + i)));
     this.first += page.rows.length;

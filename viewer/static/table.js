@@ -9,7 +9,7 @@ const ENDS = { sigma_px: [0.001, 10], limb_rms_px: [0.01, 10] };  // of the spar
 
 export class Table {
   constructor(elements, on) {
-    Object.assign(this, elements, { on, asked: { text: "", sort: "", down: false }, pages: new Map(), total: 0, selected: null, wanted: 0 });
+    Object.assign(this, elements, { on, criteria: { text: "", sort: "", down: false }, pages: new Map(), total: 0, selected: null, wanted: 0 });
     this.columns = [];
     this.table.addEventListener("scroll", () => this.draw());
     new ResizeObserver(() => this.draw()).observe(this.table);
@@ -39,13 +39,13 @@ export class Table {
       cell.className = "cell";
       cell.role = "columnheader";
       cell.style.width = `${this.width(column)}px`;
-      const sorted = this.asked.sort === column.name;
-      cell.ariaSort = sorted ? (this.asked.down ? "descending" : "ascending") : "none";
-      button.textContent = `${HEADINGS[column.name] ?? column.name}${sorted ? (this.asked.down ? " ▼" : " ▲") : ""}`;
+      const sorted = this.criteria.sort === column.name;
+      cell.ariaSort = sorted ? (this.criteria.down ? "descending" : "ascending") : "none";
+      button.textContent = `${HEADINGS[column.name] ?? column.name}${sorted ? (this.criteria.down ? " ▼" : " ▲") : ""}`;
       button.title = `Sort by ${column.name}`;
       button.addEventListener("click", () => {
-        const down = sorted ? !this.asked.down : column.kind === "number";
-        this.ask({ ...this.asked, sort: column.name, down });
+        const down = sorted ? !this.criteria.down : column.kind === "number";
+        this.ask({ ...this.criteria, sort: column.name, down });
       });
       cell.append(button);
       return cell;
@@ -55,16 +55,15 @@ export class Table {
   width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in ENDS ? 116 : 88); }
 
   // Another filter or order. Throws what is wrong with it.
-  async ask(asked) {
-    const number = ++this.wanted, page = await backend.rows(asked, 0, PAGE);
+  async ask(criteria) {
+    const number = ++this.wanted, page = await backend.rows(criteria, 0, PAGE);
     if (number !== this.wanted) return;
-    this.asked = asked;
+    this.criteria = criteria;
     this.pages = new Map([[0, page.rows]]);
     this.take(page);
     this.table.scrollTop = 0;
     this.drawHead();
     this.draw();
-    this.on.asked?.(page);
   }
 
   take(page) {
@@ -81,10 +80,10 @@ export class Table {
 
   async fetch(number) {
     if (this.pages.has(number)) return this.pages.get(number);
-    const asked = this.asked;
+    const criteria = this.criteria;
     this.pages.set(number, null);
-    const page = await backend.rows(asked, number * PAGE, PAGE);
-    if (asked !== this.asked) return [];
+    const page = await backend.rows(criteria, number * PAGE, PAGE);
+    if (criteria !== this.criteria) return [];
     if (this.pages.size > 40) this.pages.clear();
     this.pages.set(number, page.rows);
     this.take(page);
@@ -94,7 +93,7 @@ export class Table {
 
   async rowAt(place) {
     if (place < 0 || place >= this.total) return null;
-    const number = Math.floor(place / PAGE), rows = this.pages.get(number) ?? (await backend.rows(this.asked, number * PAGE, PAGE)).rows;
+    const number = Math.floor(place / PAGE), rows = this.pages.get(number) ?? (await backend.rows(this.criteria, number * PAGE, PAGE)).rows;
     this.pages.set(number, rows);
     return rows[place - number * PAGE] ?? null;
   }

@@ -15,7 +15,7 @@ export class Tiles {
     return Tiles.size(page, level).map((size, i) => Math.min(page.tile_px, size - [column, row][i] * page.tile_px));
   }
 
-  // The tile if it is there; else null, and it is asked for unless `ask` is false.
+  // The tile if it is there; else null, and it is requested unless `ask` is false.
   get(page, side, plane, level, column, row, ask = true) {
     const key = Tiles.key(page, side, plane, level, column, row), found = this.kept.get(key);
     if (found) {
