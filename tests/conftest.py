@@ -20,8 +20,8 @@ settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCh
 settings.load_profile("busy")
 
 
-# Files of tests that take longest, by the seconds that `make test` prints. They begin first: a process that begins one of
-# them last works on alone.
+# Files of tests that take longest, by the seconds that `make test` prints. They begin first: the process that began one
+# of them last would be the only one that works at the end.
 LONGEST_FIRST: tuple[str, ...] = ()
 # A file of tests that takes so many seconds is printed with its time.
 LONG_FILE_S = 10.0
