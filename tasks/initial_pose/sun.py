@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.compiled import compiled_reordered
 from tasks.initial_pose.edges import Edges, values_at
 from tasks.initial_pose.limb import Limb, radius_at
 
@@ -16,6 +17,7 @@ ACROSS, REACH = 36, 1.4
 RIM = 0.03
 PHASES_DEG, AZIMUTHS_DEG = np.arange(5.0, 176.0, 10.0), np.arange(0.0, 360.0, 15.0)
 ROUNDS = 7
+FOUR_LAWS = np.eye(4)
 # How many parts of a disk err on their own, by markings and laws.
 INDEPENDENT = 60.0
 # Less of a disk in the frame shows no shading.
@@ -115,13 +117,11 @@ class Samples:
         from scipy.optimize import nnls
 
         azimuth, phase = np.radians([azimuth_deg, phase_deg])
-        mu0 = np.sin(phase) * (np.cos(azimuth) * self.u + np.sin(azimuth) * self.v) + np.cos(phase) * self.w
-        mu0 = np.where(self.w > 0, np.maximum(mu0, 0), 0)
-        laws = np.stack([mu0, 2 * mu0 / np.maximum(mu0 + self.w, 1e-6), mu0 * self.w, mu0 * mu0], axis=1)
-        laws = laws - laws.mean(axis=0)
-        normal, right = laws.T @ laws, laws.T @ self.value
+        sun = (np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), np.cos(phase))
+        sums, normal, right = law_products(self.u, self.v, self.w, self.value, sun)
+        normal = normal - np.outer(sums, sums) / len(self.value)
         try:
-            root = np.linalg.cholesky(normal + 1e-9 * np.trace(normal) * np.eye(4) + 1e-12 * np.eye(4))
+            root = np.linalg.cholesky(normal + (1e-9 * np.trace(normal) + 1e-12) * FOUR_LAWS)
         except np.linalg.LinAlgError:
             return self.total
         weights = nnls(root.T, np.linalg.solve(root, right))[0]
@@ -136,3 +136,27 @@ class Samples:
             if grown > least / INDEPENDENT:
                 return float(step * np.sqrt(least / INDEPENDENT / grown))
         return UNKNOWN_DEG
+
+
+@compiled_reordered
+def law_products(
+    u: Array, v: Array, w: Array, value: Array, sun: tuple[float, float, float]
+) -> tuple[Array, Array, Array]:
+    """Sums of four laws over the samples (4,), of their products with each other (4, 4) and with `value`, whose mean
+    is 0 (4,): Lambert's mu0, Lommel-Seeliger's 2 mu0 / (mu0 + mu), Minnaert's mu0 mu, and mu0 squared. sun: unit vector
+    of the light along u, v and w."""
+    sums, products, right = np.zeros(4), np.zeros((4, 4)), np.zeros(4)
+    laws = np.zeros(4)
+    for k in range(len(w)):
+        mu0 = sun[0] * u[k] + sun[1] * v[k] + sun[2] * w[k]
+        if w[k] > 0 and mu0 > 0:
+            laws[0], laws[1], laws[2], laws[3] = mu0, 2 * mu0 / max(mu0 + w[k], 1e-6), mu0 * w[k], mu0 * mu0
+            for i in range(4):
+                sums[i] += laws[i]
+                right[i] += laws[i] * value[k]
+                for j in range(i + 1):
+                    products[i, j] += laws[i] * laws[j]
+    for i in range(4):
+        for j in range(i):
+            products[j, i] = products[i, j]
+    return sums, products, right
