@@ -33,12 +33,15 @@ def independent_image(
     laws: Mapping[str, float] = LUNAR_LAMBERT,
     basemap: BaseMap | None = None,
     psf_sigma_px: float | None = None,
+    oversample: int = OVERSAMPLE,
 ) -> NDArray[np.float64]:
     """Brightness (ny, nx) of what an ideal camera, without distortion, sees of the target alone at `pose`, before a
     black sky: relative to its 99th percentile over the disk's square, as far as that is near the frame.
 
     laws: names of `lab.honesty.laws`, each with its weight. basemap: None is the target's own map. psf_sigma_px: of the
-    Gaussian blur; None is the camera's. Raises as `lab.honesty.laws.radiance` and `map_of_target`.
+    Gaussian blur; None is the camera's. oversample: rays along a pixel's side.
+
+    Raises as `lab.honesty.laws.radiance` and `map_of_target`.
     """
     basemap = map_of_target(target) if basemap is None else basemap
     nx, ny = camera.size_px
@@ -49,10 +52,10 @@ def independent_image(
     x1, y1 = min(round(x) + reach, nx - 1 + MARGIN_PX) + 1, min(round(y) + reach, ny - 1 + MARGIN_PX) + 1
     if x1 <= x0 or y1 <= y0:
         return frame
-    view = View(pose.camera_from_j2000, camera.focal_length_px, camera.centre_px, x0, y0, x1 - x0, y1 - y0, OVERSAMPLE)
+    view = View(pose.camera_from_j2000, camera.focal_length_px, camera.centre_px, x0, y0, x1 - x0, y1 - y0, oversample)
     map_from_body = Rotation.from_euler("z", -basemap.left_edge_deg, degrees=True).as_matrix()
     sun = pose.sun_from_target_km / np.linalg.norm(pose.sun_from_target_km)
-    fine = np.zeros(((y1 - y0) * OVERSAMPLE, (x1 - x0) * OVERSAMPLE), np.float32)
+    fine = np.zeros(((y1 - y0) * oversample, (x1 - x0) * oversample), np.float32)
     for law, weight in laws.items():
         solid = Solid(
             pose.target_from_spacecraft_km,
@@ -63,7 +66,7 @@ def independent_image(
             map_from_body=np.asarray(map_from_body),
         )
         fine += np.float32(weight) * render(view, [solid], sun)
-    bright = blurred(fine, Blur(camera.psf_sigma_px if psf_sigma_px is None else psf_sigma_px), OVERSAMPLE)
+    bright = blurred(fine, Blur(camera.psf_sigma_px if psf_sigma_px is None else psf_sigma_px), oversample)
     level = float(np.percentile(bright, 99))
     top, left, bottom, right = max(y0, 0), max(x0, 0), min(y1, ny), min(x1, nx)
     frame[top:bottom, left:right] = bright[top - y0 : bottom - y0, left - x0 : right - x0]
