@@ -171,7 +171,7 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     settings = PhotometrySettings(
         options.law, selection, options.doubtful, options.albedo_map, options.bands, options.max_pixels, fit
     )
-    regions = read_regions(options.regions, selection) if options.regions else ()
+    regions = read_regions(options.regions, selection, options.west_longitudes) if options.regions else ()
     results = fit_store(options.store, settings, regions)
     paths = write_photometry(results, options.law, options.out)
     for result in results:
