@@ -28,7 +28,7 @@ SOURCES = (
     "catalog/**/*.toml",
     "tasks/**/*.py",
     "flows/*.py",
-    *(f"lab/honesty/{name}.py" for name in ("laws", "solids", "caster", "optics", "geometry", "picture")),
+    *(f"lab/honesty/{name}.py" for name in ("laws", "solids", "caster", "optics", "geometry", "picture", "recording")),
 )
 KEPT = (
     "status",
