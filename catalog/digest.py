@@ -22,6 +22,7 @@ def sha256_of_file(path: Path, max_bytes: int | None = None) -> str:
     `catalog.regular_file.open_regular`, ChangedError when the file changed meanwhile."""
     check_regular(path, max_bytes)
     resolved = Path(path).resolve()
+    _with_digests.update((os.path.abspath(path), str(resolved)))
     return _sha256(str(resolved), signature_of(check_regular(resolved, max_bytes)))
 
 
@@ -75,6 +76,7 @@ def _digest(file: BinaryIO, size: int) -> str:
 _known: dict[str, tuple[Signature, str]] = {}
 _keeping: list[Path] = []
 _new: set[str] = set()
+_with_digests: set[str] = set()
 
 
 def remember_digests(book: Path) -> None:
@@ -87,6 +89,11 @@ def remember_digests(book: Path) -> None:
     except (OSError, ValueError, TypeError, LookupError, AttributeError):
         return
     _known.update(read)
+
+
+def files_with_digests() -> frozenset[str]:
+    """Paths of the files that this process knows by their digests."""
+    return frozenset(_with_digests)
 
 
 def learned_digests() -> dict[str, tuple[Signature, str]]:

@@ -1,5 +1,6 @@
 """The request for one image, and the inputs that follow from it before any work."""
 
+import os
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -71,6 +72,12 @@ class Request(ImageOptions):
     def image_place(self) -> Path | str:
         """The image as people know it: its address, or its file."""
         return (self.addresses and self.addresses.of(self.image)) or self.image
+
+    def named_files(self) -> list[Path]:
+        """Files that are named beside the image, as far as they are there."""
+        named = (self.pose_file, self.basemap, self.camera, self.target, self.resume, self.mask, self.shape, self.stars)
+        options = [str(each) for each in named if each is not None and str(each) not in (IN_IMAGE, NO_MAP)]
+        return [Path(each) for each in options if os.path.isfile(each)]
 
     @property
     def camera_name(self) -> str | None:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalog.unchanged import FOLDER as ANSWERS_FOLDER
 from tasks.atomic import sweep_temporaries
 from tasks.code_version import SOURCES_FOLDER
 from tasks.record import RECORD_FILE, size_bytes
@@ -23,8 +24,8 @@ def sweep_cache(cache: Path) -> None:
 
 
 def step_folders(cache: Path) -> list[Path]:
-    """The folders of steps, and of what is known of their code; nothing else in there is touched."""
-    return [cache / kind for kind in (*STEP_NAMES, SOURCES_FOLDER) if (cache / kind).is_dir()]
+    """The folders of steps, of what is known of their code, and of answers; nothing else in there is touched."""
+    return [cache / kind for kind in (*STEP_NAMES, SOURCES_FOLDER, ANSWERS_FOLDER) if (cache / kind).is_dir()]
 
 
 def key_folders(cache: Path) -> Iterator[Path]:

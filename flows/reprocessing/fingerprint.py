@@ -4,16 +4,13 @@ unchanged, and its plan takes less than a millisecond; one with another digest i
 
 import os
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
-from catalog.basemap import NO_MAP
 from catalog.detached import label_beside
 from catalog.digest import SETTLED_NS, sha256_of_json, signature_of
 from catalog.errors import PlanetposeError
 from catalog.made_camera import is_made
 from catalog.plugins import GROUPS, plugins_of
-from catalog.pose import IN_IMAGE
 from catalog.spice import KernelLists, kernel_inputs
 from flows import inputs
 from flows.request import Request
@@ -47,7 +44,7 @@ class Fingerprints:
                 return None
             label = label_beside(request.image)
             seen: list[object] = [signature_of(image), str(label), signature_of(os.stat(label)) if label else None]
-            seen += [self._signature(path) for path in named_files(request)]
+            seen += [self._signature(path) for path in request.named_files()]
             kernels = self._kernel_digest(request)
         except (OSError, ValueError, PlanetposeError):
             return None
@@ -71,14 +68,6 @@ class Fingerprints:
         if key not in self._profiles:
             self._profiles[key] = sha256_of_json(request.profile.resolved())
         return self._profiles[key]
-
-
-def named_files(request: Request) -> Iterator[Path]:
-    """Files that a request names beside its image."""
-    named = [request.pose_file, request.basemap, request.camera, request.target]
-    for each in named:
-        if each is not None and str(each) not in (IN_IMAGE, NO_MAP) and os.path.isfile(each):
-            yield Path(each)
 
 
 def program_digest() -> str:

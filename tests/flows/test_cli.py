@@ -155,6 +155,22 @@ def test_a_second_run_does_no_step_and_needs_no_prefect(
     assert not (tmp_path / "no-state").exists()
 
 
+def test_a_command_that_had_nothing_to_do_says_its_kept_answer(
+    corrected: tuple[Path, subprocess.CompletedProcess[str]], tmp_path: Path
+) -> None:
+    folder, _ = corrected
+    launched = [sys.executable, "-P", str(ROOT / "planetpose_launcher.py"), "correct", *ARGUMENTS, "--json"]
+    env = environment(tmp_path / "no-state", folder / "cache")
+    second, third = (
+        subprocess.run(launched, cwd=folder, env=env, capture_output=True, text=True, timeout=240, check=True)
+        for _ in range(2)
+    )
+    assert third.stdout == second.stdout
+    said, *progress = second.stderr.splitlines()
+    assert progress[-1].endswith("small  ok")
+    assert third.stderr == said + "\n"  # without lines of progress
+
+
 def test_the_resolved_configuration_lies_beside_the_product(
     corrected: tuple[Path, subprocess.CompletedProcess[str]],
 ) -> None:
