@@ -22,7 +22,37 @@ settings.load_profile("busy")
 
 # Files of tests that take longest, by the seconds that `make test` prints. They begin first: the process that began one
 # of them last would be the only one that works at the end.
-LONGEST_FIRST: tuple[str, ...] = ()
+LONGEST_FIRST = (
+    "tests/real/test_joint_real.py",
+    "tests/flows/test_cli.py",
+    "tests/real/test_distortion_real.py",
+    "tests/real/test_bars_real.py",
+    "tests/deploy/test_package.py",
+    "tests/deploy/test_rehearsal.py",
+    "tests/planetpose/test_plugin.py",
+    "tests/lab/test_honesty.py",
+    "tests/flows/test_reprocess.py",
+    "tests/real/test_use_real.py",
+    "tests/real/test_distortion_cubes_real.py",
+    "tests/simulated/test_causes_named.py",
+    "tests/simulated/test_image_pose.py",
+    "tests/viewer/test_redo.py",
+    "tests/real/test_tutorial_real.py",
+    "tests/tasks/test_mosaic.py",
+    "tests/flows/test_server.py",
+    "tests/viewer/test_browser.py",
+    "tests/flows/test_code_version.py",
+    "tests/docs/test_examples.py",
+    "tests/tasks/test_distortion.py",
+    "tests/tasks/test_publish_sensor.py",
+    "tests/lab/test_bodies.py",
+    "tests/planetpose/test_face.py",
+    "tests/tasks/products/test_broken_products.py",
+    "tests/real/test_bodies_real.py",
+    "tests/simulated/test_hostile.py",
+    "tests/flows/test_loopback.py",
+    "tests/lab/test_batches.py",
+)
 # A file of tests that takes so many seconds is printed with its time.
 LONG_FILE_S = 10.0
 

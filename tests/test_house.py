@@ -243,6 +243,12 @@ def test_no_file_is_large() -> None:
     assert {name_of(p): p.stat().st_size for p in tracked_files() if p.stat().st_size > LARGEST_FILE} == {}
 
 
+def test_the_longest_files_of_tests_exist() -> None:
+    names = re.findall(r'"(tests/[^"]+\.py)"', (ROOT / "tests/conftest.py").read_text(encoding="utf-8"))
+    assert len(names) > 10
+    assert [name for name in names if not (ROOT / name).is_file()] == []
+
+
 def test_every_data_file_is_installed_with_its_package() -> None:
     package_data = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-data"]
     left_out = []

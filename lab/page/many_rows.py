@@ -20,7 +20,7 @@ def write_many_rows(store: Path, index: Path, rows: int = ROWS) -> None:
     many = open_index(store).iloc[np.zeros(rows, dtype=int)].reset_index(drop=True)
     random = np.random.default_rng(1)
     many["product"] = [many["product"][0], *(f"C{number:07d}" for number in range(1, rows))]
-    many["reason"] = [f"limb-differs: image {number}" if number % 9 == 0 else None for number in range(rows)]
+    many["reason"] = [f"limb-disagrees: image {number}" if number % 9 == 0 else None for number in range(rows)]
     for column in COLUMNS:
         if column.kind == "number" and column.name != "et":
             many[column.name] = np.abs(random.normal(size=rows))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.compiled import compiled
 from tasks.undistort.mark_set import MarkSet
 from tasks.undistort.smooth_model import SmoothModel
 from tasks.undistort.thin_plate import fit_thin_plate
@@ -120,20 +121,54 @@ def _refined(patch: NDArray[np.float32], second: NDArray[np.float32], at: Array,
     for _ in range(REFINING_STEPS):
         place = at + shift
         moved = cv2.getRectSubPix(second, size, (float(place[0]), float(place[1])))
-        a, b = patch - patch.mean(), moved - moved.mean()
-        spread = float(np.sqrt((a * a).sum() * (b * b).sum()))
-        if spread == 0:
+        likeness, weakest, variance, normal, right = _equations(patch, moved)
+        if weakest < 0:
             return shift, 0.0
-        likeness = float((a * b).sum() / spread)
-        gain = np.sqrt((a * a).sum() / (b * b).sum())
-        down, across = np.gradient(0.5 * (a + gain * b))
-        design = np.stack([across.ravel(), down.ravel(), b.ravel(), np.ones(b.size)], axis=1)
-        difference = (a - gain * b).ravel()
-        step = np.linalg.lstsq(design, difference, rcond=None)[0][:2]
+        step = np.linalg.lstsq(normal, right, rcond=None)[0][:2]
         shift = shift + np.clip(step, -0.5, 0.5)
-        weakest = np.linalg.eigvalsh(design[:, :2].T @ design[:, :2])[0]
-        sigma_px = np.sqrt(difference.var() * CORRELATED_PIXELS / max(float(weakest), 1e-12))
+        sigma_px = np.sqrt(variance * CORRELATED_PIXELS / max(weakest, 1e-12))
         if np.abs(step).max() < 1e-3:
             break
     sure = sigma_px <= LARGEST_SIGMA_PX and np.abs(shift - start).max() < 1.5
     return shift, likeness if sure else 0.0
+
+
+@compiled
+def _equations(patch: NDArray[np.float32], moved: NDArray[np.float32]) -> tuple[float, float, float, Array, Array]:
+    """Of two pictures (ny, nx) of the same place: their correlation; the smallest eigenvalue of the products of the
+    slopes along x and y, negative where one of the pictures is even; the variance of their difference, with the second
+    scaled to the first; and the normal equations, (4, 4) and (4,), of shift in x and y, gain and offset."""
+    rows, columns = patch.shape
+    size = rows * columns
+    a, b = patch.astype(np.float64), moved.astype(np.float64)
+    a -= a.mean()
+    b -= b.mean()
+    aa, bb, ab = (a * a).sum(), (b * b).sum(), (a * b).sum()
+    normal, right = np.zeros((4, 4)), np.zeros(4)
+    if aa * bb == 0:
+        return 0.0, -1.0, 0.0, normal, right
+    gain = np.sqrt(aa / bb)
+    mean = 0.5 * (a + gain * b)
+    one = np.ones(4)
+    differences, squares = 0.0, 0.0
+    for y in range(rows):
+        above, below = max(y - 1, 0), min(y + 1, rows - 1)
+        for x in range(columns):
+            left, right_of = max(x - 1, 0), min(x + 1, columns - 1)
+            one[0] = (mean[y, right_of] - mean[y, left]) / (right_of - left)
+            one[1] = (mean[below, x] - mean[above, x]) / (below - above)
+            one[2] = b[y, x]
+            difference = a[y, x] - gain * b[y, x]
+            differences += difference
+            squares += difference * difference
+            for i in range(4):
+                right[i] += one[i] * difference
+                for j in range(i + 1):
+                    normal[i, j] += one[i] * one[j]
+    for i in range(4):
+        for j in range(i):
+            normal[j, i] = normal[i, j]
+    half, apart = (normal[0, 0] + normal[1, 1]) / 2, (normal[0, 0] - normal[1, 1]) / 2
+    weakest = max(half - np.sqrt(apart * apart + normal[0, 1] * normal[0, 1]), 0.0)
+    variance = squares / size - (differences / size) ** 2
+    return ab / np.sqrt(aa * bb), weakest, variance, normal, right

@@ -322,7 +322,7 @@ def test_truth_is_where_the_picture_has_it(picture: str) -> None:
         centre=(0.3, 0.4), surface="none", given="none",
     )  # fmt: skip
     true = true_geometry(scene)
-    picture_dn = expose(scene, light_of(scene, true)[0]).astype(float)
+    picture_dn = expose(scene, light_of(scene, true)[0], true.place_px()).astype(float)
     disk = picture_dn > 0.3 * picture_dn.max()
     np.testing.assert_allclose(centroid(disk), seen_place_px(scene, true), atol=0.15)
     seen = seen_geometry(scene, true)
