@@ -21,7 +21,7 @@ from tasks.control.settings import ControlSettings
 from tasks.control.ties import Ties, find_ties
 from tasks.export.source import Source, read_source
 from tasks.joint.parameters import RANGE
-from tasks.mosaic.view import View, view_of
+from tasks.mosaic.view import View, mixture_notes, view_of
 from tasks.photometry.region import unreadable_products, usable_products
 from tasks.project.uncertainty import ATTITUDE, PARAMETERS, PoseUncertainty
 
@@ -73,6 +73,8 @@ def control_store(store: Path, settings: ControlSettings, say: Callable[[str], N
     if len(views) < 2:
         fault = f"{store} has {len(views)} images that can be used; ties need two."
         raise RefusedError(Reason.NO_USABLE_IMAGE, fault, "Look at `planetpose index`.")
+    for note in mixture_notes((view.filter, view.basemap) for view in views):
+        say(note)
     ties = find_ties(views, settings)
     say(f"{len(views)} images, {len(ties.points)} points, {len(ties.image)} measures")
     if not len(ties.points):

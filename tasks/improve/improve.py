@@ -29,8 +29,8 @@ from tasks.mosaic.grid import MosaicGrid, mosaic_grid
 from tasks.mosaic.model import Model, solve_model
 from tasks.mosaic.samples import samples_of
 from tasks.mosaic.settings import pixel_size_km
-from tasks.mosaic.view import View, load_view
-from tasks.photometry.region import each_taken, refuse_several, unreadable_products, usable_products
+from tasks.mosaic.view import View, load_view, mixture_notes
+from tasks.photometry.region import each_taken, refuse_empty, refuse_several, unreadable_products, usable_products
 from tasks.project.uncertainty import ATTITUDE, PoseUncertainty
 
 Array = NDArray[np.float64]
@@ -129,6 +129,8 @@ def improve_map(
     body. Raises RefusedError where no image can be
     used or they show several bodies, FailedError where old and new map have too little in common to hold the frame."""
     members, target, left_out = read_members(store, settings)
+    for note in mixture_notes((view.filter, view.basemap) for view in Views(members)):
+        say(note)
     old_map = old_map_of(target)
     say(f"{len(members)} images")
     grid = mosaic_grid("equirectangular", target, pixel_size_km(settings.mosaic.resolution, target), (0.0, 0.0), None)
@@ -166,6 +168,7 @@ def read_members(store: Path, settings: ImproveSettings) -> tuple[list[Member], 
 
     def take(folder: Path) -> None:
         source = read_source(folder)
+        refuse_empty(source)
         predicted = Pose.from_dict(json.loads(source.attributes["pose_before"]))
         prior = own_prior(json.loads(source.attributes["uncertainty"]), settings)
         targets[source.target.name] = source.target

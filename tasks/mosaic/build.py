@@ -19,7 +19,7 @@ from tasks.mosaic.model import Model, solve_model
 from tasks.mosaic.samples import samples_of
 from tasks.mosaic.settings import MosaicSettings, pixel_size_km
 from tasks.mosaic.variables import map_variables
-from tasks.mosaic.view import COVERAGE_SHAPE, View, load_view
+from tasks.mosaic.view import COVERAGE_SHAPE, View, load_view, mixture_notes
 from tasks.photometry.laws import IMAGE_UNITS, RADIANCE_FACTOR
 from tasks.photometry.region import each_taken, refuse_several, unreadable_products, usable_products
 from tasks.project.points import latitude_longitude
@@ -74,7 +74,7 @@ def build_mosaic(
     within the limits; WrongOptionError for a resolution that is none.
     """
     folders, broken = usable_products(store, settings.doubtful), unreadable_products(store)
-    members, target, left_out = _members(folders, settings)
+    members, target, left_out = _members(folders, settings, say)
     pixel_km = pixel_size_km(settings.resolution, target)
     models = {}
     for band in sorted({member.band for member in members}):
@@ -91,13 +91,17 @@ def build_mosaic(
     return mosaic
 
 
-def _members(folders: Sequence[Path], settings: MosaicSettings) -> tuple[list[Member], Target, list[tuple[str, str]]]:
+def _members(
+    folders: Sequence[Path], settings: MosaicSettings, say: Callable[[str], None]
+) -> tuple[list[Member], Target, list[tuple[str, str]]]:
     members: list[Member] = []
     left_out: list[tuple[str, str]] = []
     targets: dict[str, Target] = {}
+    kinds: list[tuple[str, str]] = []
 
     def take(folder: Path) -> None:
         view = load_view(folder)
+        kinds.append((view.filter, view.basemap))
         targets[view.target.name] = view.target
         band = {"filter": view.filter, "camera": view.camera.name}.get(settings.bands, ALL)
         members.append(Member(view.product, folder, band, view.coverage, view.pose.et))
@@ -106,6 +110,8 @@ def _members(folders: Sequence[Path], settings: MosaicSettings) -> tuple[list[Me
     refuse_several(targets)
     if not members:
         raise RefusedError(Reason.NO_USABLE_IMAGE, f"none of {len(folders)} images can be read.", left_out[0][1])
+    for note in mixture_notes(kinds, filters_apart=settings.bands == "filter"):
+        say(note)
     return members, next(iter(targets.values())), left_out
 
 

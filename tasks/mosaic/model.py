@@ -111,6 +111,8 @@ class _Problem:
         if self.settings.calibration_sigma is None:
             usual = {p.name: p.held or p.start for p in self.law.parameters}
             held |= {name: usual[name] for name in WITH_THE_LEVEL if name in usual}
+        if not (self.shown_by > 1).any():  # the brightness of ground that one image shows is its albedo
+            held |= {p.name: p.held or p.start for p in self.law.parameters}
         return {name: value for name, value in held.items() if name not in self.settings.priors}
 
     def values(self, x: Array) -> dict[str, float]:

@@ -1,6 +1,8 @@
 """One image as a mosaic takes it: brightness above the sky, its errors, and where places of the ground are in it."""
 
 import json
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -10,12 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.camera import Camera
+from catalog.plain_text import printable
 from catalog.pose import Pose
 from catalog.target import Target
 from tasks.export.source import Source, read_source
 from tasks.joint.parameters import NAMES, State
 from tasks.photometry.errors import brightness_errors, gradient
-from tasks.photometry.region import sky_level
+from tasks.photometry.region import refuse_empty, sky_level
 from tasks.project.points import body_points, pixels_of_points, surface_points
 from tasks.project.sight import sight_of
 from tasks.project.uncertainty import PARAMETERS, PoseUncertainty
@@ -34,7 +37,7 @@ class View:
     """image float32 (ny, nx): brightness above the sky in a window of the undistorted frame whose first pixel is
     `corner_px` (x, y), 0 where `usable` is false; steep: its gradient per pixel. noise: 1-sigma of a pixel. still_px,
     turning_px: 1-sigma of the place of the ground in the image, everywhere and (times the cosine of emission) by the
-    body's orientation. band: filter or camera."""
+    body's orientation. basemap: name of the map that it was corrected with. coverage: see `_coverage`."""
 
     product: str
     image: Image
@@ -48,6 +51,7 @@ class View:
     camera: Camera
     target: Target
     filter: str
+    basemap: str
     coverage: NDArray[np.bool_]
 
 
@@ -98,7 +102,8 @@ def load_view(folder: Path) -> View:
 
 
 def view_of(source: Source) -> View:
-    """The view of a product."""
+    """The view of a product. Raises RefusedError where its cube has no value of the image or of latitudes."""
+    refuse_empty(source)
     raw = source.undistorted_image()
     inside = _on_body(source, raw.shape)
     usable = np.isfinite(raw) & inside
@@ -126,8 +131,25 @@ def view_of(source: Source) -> View:
         camera=source.camera,
         target=source.target,
         filter=str((provenance.get("image") or {}).get("filter") or "unknown"),
+        basemap=str((provenance.get("basemap") or {}).get("name") or "unknown"),
         coverage=_coverage(source),
     )
+
+
+def mixture_notes(views: Iterable[tuple[str, str]], filters_apart: bool = False) -> list[str]:
+    """Sentences for images of several filters (unless each has a map of its own) or that were corrected with several
+    base maps. views: filter and base map of each."""
+    filters, maps = (Counter(each) for each in zip(*views, strict=True))
+    found = []
+    if len(filters) > 1 and not filters_apart:
+        found.append(f"several filters ({_counted(filters)}): their ground and law are taken to be the same")
+    if len(maps) > 1:
+        found.append(f"corrected with several base maps ({_counted(maps)}): orientations differ by what these maps do")
+    return found
+
+
+def _counted(found: Counter[str]) -> str:
+    return ", ".join(f"{printable(name)} {times}" for name, times in sorted(found.items()))
 
 
 def _near(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

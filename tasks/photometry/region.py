@@ -1,6 +1,7 @@
 """The pixels of one region, gathered over all images of a store."""
 
 import json
+import os
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,14 +65,20 @@ class RegionPixels:
 
 
 def unreadable_products(store: Path) -> tuple[tuple[str, str], ...]:
-    """Products of a store that its index could not read, and why."""
+    """Products of a store that its index could not read, and folders of products that lost their cube, and why."""
+    from tasks.publish.checksums import CHECKSUMS
     from tasks.publish.names import CUBE
 
     if (Path(store) / CUBE).is_dir():
         return ()
     index = open_index(Path(store))
     broken = index[index["status"] == UNREADABLE]
-    return tuple(zip(broken["product"], broken["reason"], strict=True))
+    found = list(zip(broken["product"], broken["reason"], strict=True))
+    for name in sorted(set(os.listdir(store)) - set(index["product"])):
+        if not name.startswith(".") and (Path(store) / name / CHECKSUMS).is_file():
+            fault = f"{Reason.PRODUCT_MISSING}: {Path(store) / name} holds no {CUBE}. Publish it again."
+            found.append((printable(name), fault))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ def region_pixels(
 def _of_one(folder: Path, selection: Selection, max_pixels: int, albedo_map: bool) -> OneImage | None:
     """The pixels of one product; None when it sees too little of the region."""
     source = read_source(folder)
+    refuse_empty(source)
     table = pixel_table(source, selection)
     table = table[np.isfinite(table["image"])]
     if len(table) < FEWEST_PIXELS:
@@ -230,6 +238,17 @@ def each_taken(folders: Iterable[Path], take: Callable[[Path], None]) -> list[tu
         if error is not None:
             left_out.append((printable(folder.name), reason_of(error)))
     return left_out
+
+
+def refuse_empty(source: Source) -> None:
+    """Raise RefusedError where a plane of the cube has no value at all: a chunk that is missing reads as NaN."""
+    for name in ("image", "latitude", "longitude"):
+        if not np.isfinite(source.cube[name].values).any():
+            raise RefusedError(
+                Reason.CUBE_UNREADABLE,
+                f"the plane {name} of the cube in {source.folder} has no value.",
+                "`planetpose check` says what is wrong with it; publish it again.",
+            )
 
 
 def refuse_several(targets: Iterable[str]) -> None:

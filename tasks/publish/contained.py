@@ -44,11 +44,16 @@ def _damage_refused(folder: Path) -> Iterator[None]:
     try:
         yield
     except DAMAGE as error:
-        raise RefusedError(
-            Reason.CUBE_UNREADABLE,
-            f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
-            "`planetpose check` says what is wrong with it; publish it again.",
-        ) from error
+        raise damage_refused(folder, error) from error
+
+
+def damage_refused(folder: Path, error: BaseException) -> RefusedError:
+    """What to raise in place of the `error` of a library that reads the damaged product in `folder`."""
+    return RefusedError(
+        Reason.CUBE_UNREADABLE,
+        f"the cube in {folder} cannot be read ({type(error).__name__}: {error}).",
+        "`planetpose check` says what is wrong with it; publish it again.",
+    )
 
 
 def _refuse(faults: Iterator[str]) -> None:

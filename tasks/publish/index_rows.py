@@ -18,7 +18,7 @@ from catalog.pose import Pose
 from catalog.regular_file import read_regular_text
 from catalog.target import Target
 from tasks.project.points import latitude_longitude
-from tasks.publish.contained import DAMAGE, refuse_what_is_elsewhere
+from tasks.publish.contained import DAMAGE, damage_refused, refuse_what_is_elsewhere
 from tasks.publish.names import CUBE, OVERLAY, RESULT
 
 GROUP = f"{CUBE}/zarr.json"  # of Zarr v3: the group's attributes are in there as JSON
@@ -108,7 +108,7 @@ def row_of(folder: Path, stamp: str) -> dict[str, Any]:
     except RefusedError as error:
         return row | {"status": UNREADABLE, "reason": error.reason}
     except DAMAGE as error:
-        return row | {"status": UNREADABLE, "reason": printable(f"{type(error).__name__}: {error}")}
+        return row | {"status": UNREADABLE, "reason": printable(damage_refused(folder, error).reason)}
 
 
 def _as_columns(values: dict[str, Any]) -> dict[str, Any]:
