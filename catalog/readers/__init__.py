@@ -82,8 +82,13 @@ def read_frame(
     head = _head(path)
     packed = path if is_packed(head) else packed_beside(path)
     if packed is not None:
-        with unpacked(packed) as image:
-            reading = _read(image, _head(image), plane)
+        try:
+            with unpacked(packed) as image:
+                reading = _read(image, _head(image), plane)
+        except RefusedError as refusal:
+            if path == packed:
+                raise
+            raise refusal.saying(f"image {path}: {refusal.fault}", refusal.remedy) from refusal
     else:
         reading = _read(path, head, plane)
     return frame_of_reading(path, reading if flip is None else reading.flipped(flip), camera, target, mode)

@@ -136,6 +136,16 @@ def test_names_of_pds4_labels(suffix: str, packed: bool, tmp_path: Path) -> None
         assert read_frame(path).target == "europa"
 
 
+def test_damage_of_a_label_s_packed_image_names_both_files(tmp_path: Path) -> None:
+    label = tmp_path / "a.xml"
+    label.write_text(pds4_label(BANDS[0], ("Line", "Sample"), "a.img"))
+    (tmp_path / "a.img.gz").write_bytes(gzip.compress(BANDS[0].tobytes()[:-9]))
+    with pytest.raises(RefusedError, match="truncated") as refusal:
+        read_frame(label)
+    assert str(label) in refusal.value.fault
+    assert "a.img.gz" in refusal.value.fault
+
+
 def test_pds4_images_in_several_files(tmp_path: Path) -> None:
     """The second file is a table and has a size of its own, the third another image."""
     first, second = (band.astype("<i2") for band in BANDS[:2])

@@ -83,6 +83,16 @@ def test_small_disks_are_found_within_their_errors(radius, phase_deg) -> None:  
     assert outline.limb.arc_sigma < SETTINGS.limb.radius_sigma
 
 
+def test_a_small_crescent_before_an_uneven_sky_is_found() -> None:
+    """As Voyager's C1201656 shows Neptune: the sky beside it is brighter, above the darkest corner, than half of it."""
+    centre, phase_deg = (190.4, 121.7), 124.0
+    x, y = np.meshgrid(np.linspace(0, 1, SIZE[0]), np.linspace(0, 1, SIZE[1]))
+    picture = disk(centre, 14.0, 130.0, phase_deg, lommel_seeliger, 30.0) + 60 * x**2 + 12 * x * y**2
+    outline = find_outline(observed(picture, 0.8), EUROPA, SETTINGS.limb).outline
+    assert np.abs(outline.limb.centre_px - np.array(centre)).max() < 1.6
+    assert apart_deg(outline.sun.azimuth_deg, outline.sun.phase_deg, 130.0, phase_deg) < 8.0
+
+
 def noise_alone() -> Observation:
     return observed(np.full(SIZE[::-1], 20.0), 3.0)
 
