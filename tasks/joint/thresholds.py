@@ -155,9 +155,9 @@ class ContradictionThresholds(BaseModel):
         "for eight terms of equal noise. Eight scenes with 0.3 px exceed it by 3.7 sigmas or more.",
     )
     chance_shape: float = _threshold(
-        0.01,
+        0.02,
         "Probability that a body without markings that show it is doubted by its shape alone: 23 scenes without a map "
-        "have at most 0.52 of the squares that this needs, measured.",
+        "have at most 0.58 of the squares that this needs, measured. Radii wrong by 1 % show 1.06 of them.",
     )
     relief_px: float = _threshold(
         0.3, "Arcs of the limb that lie off by less as a whole, px RMS, may be the optics'. Choice: as `displaced_px`."
