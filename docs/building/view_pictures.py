@@ -2,7 +2,7 @@
 the folder docs, with Chromium or Chrome.
 
 STORE: a store with the products C0552809300R and lor_0299140073_0x630_sci; FAILED: one with a failed image. The browser
-is driven as by the tests, whose modules are used.
+is driven as by the tests.
 """
 
 import sys
@@ -13,14 +13,13 @@ COLOURS = 160
 SIZE_PX = (1480, 860)
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "docs" / "_static"
-DRIVERS = ("tests/viewer", "tests/flows/downstream")
 
 
 def main() -> None:
     """Write `view.png`, `view-help.png` and `view-failed.png`."""
-    sys.path[:0] = [str(ROOT), *(str(ROOT / folder) for folder in DRIVERS)]
-    from browser import browser_page, find_browser
-    from drive import View, served
+    sys.path.insert(0, str(ROOT))
+    from lab.page.browser import browser_page, find_browser
+    from lab.page.drive import View, served
 
     store, failed = map(Path, sys.argv[1:3])
     with tempfile.TemporaryDirectory() as place, browser_page(str(find_browser()), Path(place)) as page:

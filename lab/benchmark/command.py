@@ -10,6 +10,7 @@ from lab.faults.command import faults, reprocess
 from lab.fuzz.command import batches, fuzz
 from lab.honesty.command import honesty
 from lab.maps.command import control, improve_map, mosaic
+from lab.page.command import page
 from lab.rehearsal.command import deploy, throughput
 from lab.scale.command import scale
 from lab.stars.command import stars
@@ -38,6 +39,7 @@ def register(app: typer.Typer) -> None:
     group.command()(throughput)
     group.command()(scale)
     group.command()(stars)
+    group.command()(page)
     app.add_typer(group, name="benchmark")
 
 

@@ -50,14 +50,20 @@ def _mu0_squared(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG
     return mu0 * mu0
 
 
+def _of_day(mu0: Array) -> Array:
+    """Without what rounding leaves below 0 at the terminator: reordered sums give cosines of -1e-18, whose root is no
+    number."""
+    return np.maximum(mu0, np.float32(0))
+
+
 def _minnaert_half(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
     """mu0^k mu^(k-1) with k = 1/2 (Minnaert 1941, Astrophys. J. 93, 403): bright at the limb."""
-    return np.sqrt(mu0 / np.maximum(mu, LEAST_COSINE))
+    return np.sqrt(_of_day(mu0) / np.maximum(mu, LEAST_COSINE))
 
 
 def _minnaert_three_quarters(mu0: Array, mu: Array, phase_deg: float) -> Array:  # noqa: ARG001
     """The same with k = 3/4: with k = 1/2 and Lambert's k = 1, exponents between come out right to 0.3 %."""
-    root = np.sqrt(mu0)
+    root = np.sqrt(_of_day(mu0))
     return np.asarray(root * np.sqrt(root) / np.sqrt(np.sqrt(np.maximum(mu, LEAST_COSINE))), np.float32)
 
 

@@ -155,3 +155,9 @@ def test_a_target_behind_the_camera_has_no_window() -> None:
 def test_the_disks_radius_is_that_of_the_tangent_cone() -> None:
     close = pose_at((0, 0, 1), 2 * max(EUROPA.radii_km))
     assert disk_radius_px(close, CAMERA, EUROPA) == pytest.approx(20000 * np.tan(np.radians(30)))
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+def test_a_cosine_that_rounding_leaves_below_zero_is_night(name: str) -> None:
+    light = LAWS[name](np.float32([-1e-18, 0.0]), np.float32([0.5, 0.5]), 40.0)
+    np.testing.assert_allclose(light, [0, 0], atol=1e-12)

@@ -11,14 +11,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import Page, browser_page, find_browser
-from drive import View, served
 from small_product import small_publication
 
+from lab.page import many_rows
+from lab.page.browser import Page, browser_page, find_browser
+from lab.page.drive import View, served
+from lab.page.many_rows import write_many_rows
 from tasks.guidance.decisions import decisions_of, review_of
 from tasks.publish import publish
-from tasks.publish.index import open_index
-from tasks.publish.index_rows import COLUMNS
 from viewer.export import export_store
 from viewer.filters import filtered
 from viewer.table import prepared
@@ -211,22 +211,13 @@ def test_the_exported_page_shows_the_same_without_a_server(view: View, store: Pa
 
 
 def test_a_hundred_thousand_rows_are_filtered_and_scrolled(
-    view: View, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    view: View, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """An index of so many rows; the server's own memory is measured too."""
     store = tmp_path / "out"
     publish(small_publication("C0000000"), store)
-    one = open_index(store)
-    many = one.iloc[np.zeros(100_000, dtype=int)].reset_index(drop=True)
-    rng, count = np.random.default_rng(1), len(many)
-    many["product"] = [f"C{number:07d}" for number in range(count)]
-    many["reason"] = [f"limb-differs: image {number}" if number % 9 == 0 else None for number in range(count)]
-    for column in COLUMNS:
-        if column.kind == "number" and column.name not in ("et",):
-            many[column.name] = np.abs(rng.normal(size=count))
-    many.to_parquet(tmp_path / "many.parquet")
-    (tmp_path / "server.py").write_text(SERVER)
-    with served(store, program=str(tmp_path / "server.py"), index=str(tmp_path / "many.parquet")) as url:
+    write_many_rows(store, tmp_path / "many.parquet")
+    with served(store, program=many_rows.__file__, index=str(tmp_path / "many.parquet")) as url:
         view.open(url)
         assert view.text("#count").startswith("100,000 of 100,000")
         code = """(async () => {
@@ -241,30 +232,3 @@ def test_a_hundred_thousand_rows_are_filtered_and_scrolled(
         memory_mb = view.page.ask("fetch('api/memory').then((answer) => answer.json())")["mb"]
         with capsys.disabled():
             print(f"\nfilter of 100 000 rows {np.median(filters_ms):.0f} ms, server {memory_mb:.0f} MB")
-
-
-SERVER = """
-import sys
-from pathlib import Path
-
-import pandas as pd
-import psutil
-
-import viewer.app
-import viewer.serving
-import viewer.table
-
-store, index = Path(sys.argv[1]), sys.argv[2]
-viewer.table.open_index = lambda _: pd.read_parquet(index)
-build = viewer.serving.build_app
-
-
-def build_with_memory(*given):
-    app = build(*given)
-    app.get("/api/memory")(lambda: {"mb": psutil.Process().memory_info().rss / 1e6})
-    return app
-
-
-viewer.serving.build_app = build_with_memory
-viewer.serving.serve(store, "127.0.0.1", 0, False, None, False)
-"""

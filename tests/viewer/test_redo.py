@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browser_page, find_browser
-from drive import View, served
 from fastapi.testclient import TestClient
 from small_image import PROFILE, TRUE_CENTRE_PX, write_small_archive
 
@@ -22,6 +20,8 @@ from flows.options import ReprocessOptions
 from flows.progress import Silent
 from flows.requests import requests_of_list
 from flows.trace import known_chain
+from lab.page.browser import browser_page, find_browser
+from lab.page.drive import View, served
 from tasks.diagnose.failed_folder import failed_folder, failed_result, note_result
 from tasks.guidance.decisions import decisions_of
 from tasks.publish.check import product_faults

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from browser import browser_page, find_browser
-from drive import View
 from small_product import small_publication
 
 import planetpose
 from catalog.errors import RefusedError
+from lab.page.browser import browser_page, find_browser
+from lab.page.drive import View
 from tasks.publish import publish
 from tasks.publish.cube import open_cube
 from viewer.side import Side

@@ -11,8 +11,7 @@ from urllib.parse import unquote, urlparse
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from browser import Page, browser_page, find_browser
-
+from lab.page.browser import Page, browser_page, find_browser
 from tasks.pictures.store_figures import QUANTITIES
 from tasks.report.pictures import last_change
 from tasks.report.write import Report, write_report

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from browser import Page
+from lab.page.browser import Page
 
 ANSWER_S = 60.0  # on a busy machine; less than the browser itself is given
 

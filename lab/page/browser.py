@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from websockets.sync.client import ClientConnection, connect
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "chromium-headless-shell")
 START_S, ANSWER_S = 300.0, 120.0
@@ -20,10 +21,14 @@ def find_browser() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name))), None)
 
 
+class BrowserError(Exception):
+    """What the browser, or a script in its page, complained about."""
+
+
 class Page:
     """One page. complaints: errors and warnings of its console, exceptions, files that did not load."""
 
-    def __init__(self, socket: ClientConnection) -> None:
+    def __init__(self, socket: Connection) -> None:
         self._socket, self._number = socket, 0
         self.complaints: list[str] = []
         for domain in ("Page", "Runtime", "Log", "Network"):
@@ -40,10 +45,10 @@ class Page:
             pass
 
     def ask(self, expression: str) -> Any:
-        """The value of a JavaScript expression, of its promise if it is one."""
+        """The value of a JavaScript expression, of its promise if it is one. Raises BrowserError when it throws."""
         answer = self._ask("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         if "exceptionDetails" in answer:
-            raise AssertionError(answer["exceptionDetails"])
+            raise BrowserError(answer["exceptionDetails"])
         return answer["result"].get("value")
 
     def _ask(self, method: str, **parameters: Any) -> dict[str, Any]:
@@ -53,7 +58,8 @@ class Page:
         while True:
             message = self._take(deadline)
             if message.get("id") == self._number:
-                assert "error" not in message, message
+                if "error" in message:
+                    raise BrowserError(message["error"])
                 return message["result"]
 
     def _take(self, deadline: float) -> dict[str, Any]:
