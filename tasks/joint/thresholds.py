@@ -169,6 +169,11 @@ class ContradictionThresholds(BaseModel):
         "that no file states show 0.004 and 0.009; their orientation is 1.4 deg off at a stated 0.9, and 6.4 at 1.2.",
     )
     relief_stated: float = _threshold(3.0, "The same over the relief that the target's file states. Choice.")
+    displaced_share: float = _threshold(
+        0.0025,
+        "Terms of a smooth displacement, over the disk's radius, that may be places of a map on a large disk (Pluto, 430 "
+        "px) and raise no doubt. Scenes whose radii are wrong by 2 % or that lost three lines show 0.0031 to 0.0052.",
+    )
     linearity_laws: float = _threshold(
         0.03,
         "What laws that do not fit feign of the power of the detector's signal, 1-sigma: 0.054 at most on 18 simulated "
