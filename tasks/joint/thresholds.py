@@ -171,8 +171,8 @@ class ContradictionThresholds(BaseModel):
     relief_stated: float = _threshold(3.0, "The same over the relief that the target's file states. Choice.")
     displaced_share: float = _threshold(
         0.0025,
-        "Terms of a smooth displacement, over the disk's radius, that may be places of a map on a large disk (Pluto, 430 "
-        "px) and raise no doubt. Scenes whose radii are wrong by 2 % or that lost three lines show 0.0031 to 0.0052.",
+        "Terms of a smooth displacement, over the disk's radius, that may be a map's on a large disk (Pluto: 0.0007) "
+        "and raise no doubt. Scenes whose radii are wrong by 2 % or that lost three lines show 0.0031 to 0.0052.",
     )
     linearity_laws: float = _threshold(
         0.03,
