@@ -4,11 +4,14 @@ from functools import cache
 
 import numpy as np
 
-from lab.honesty import table_contradictions, table_pictures, table_recording  # noqa: F401  they register their groups
+from lab.honesty import table_contradictions, table_pictures, table_recording, table_surfaces
 from lab.honesty.scene import MASTER_SEED, Scene
 from lab.honesty.table_surfaces import GROUPS
 
 __all__ = ["GROUPS", "all_scenes"]
+
+# Groups are numbered in this order, whichever module was imported first: their scenes follow from the number.
+MODULES = [module.__name__ for module in (table_surfaces, table_contradictions, table_pictures, table_recording)]
 
 
 # Seeds of another draw's scenes are so far from those of this one.
@@ -19,7 +22,8 @@ APART = 1_000_000
 def all_scenes(draw: int = 0) -> tuple[Scene, ...]:
     """Every scene, in the order of groups. draw: another number draws all that is random anew, of the same groups."""
     scenes: list[Scene] = []
-    for number, (name, function) in enumerate(GROUPS.items()):
+    ordered = sorted(GROUPS.items(), key=lambda entry: MODULES.index(entry[1].__module__))
+    for number, (name, function) in enumerate(ordered):
         random = np.random.default_rng([MASTER_SEED, 7, number, *([draw] if draw else [])])
         for place, fields in enumerate(function(random)):
             seed = 1000 * (number + 1) + place + APART * draw

@@ -14,7 +14,7 @@ from tasks.joint.contradiction import chi_square, growth_of
 from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.gauss_newton import Line, Solution, solve_joint
 from tasks.joint.limb_observation import LimbObservation, shown_by
-from tasks.joint.linearity import Linearity, linearity_of
+from tasks.joint.linearity import Linearity, displaced_by_levels, linearity_of
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
@@ -96,7 +96,10 @@ def estimated(given: Problem, start: State) -> Estimate:
     shown = covariance(free.problem, free.fit)
     # Per pixel of the image, in its pixels.
     response = np.diag(level.step_up(np.ones(len(NAMES)))) @ relief_response(free) / level.n
-    own = level.covariance_up(shown) + systematic(usual, radius, larger=larger)
+    data = free.data
+    read = float(np.sqrt(np.median(data.variance[data.usable])))
+    levels_px = level.n * displaced_by_levels(data.image[data.usable], read, data.bright, free.state.width_px)
+    own = level.covariance_up(shown) + systematic(usual, radius, levels_px=levels_px, larger=larger)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     limb = limb_seen(free, level)
     relief_px = limb.coherent_px if limb else 0.0

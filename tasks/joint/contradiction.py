@@ -33,8 +33,10 @@ def growth_of(own: Array, others: Array, wanted: Array) -> float:
 
 def size_of(found: Array, noise: Array, passed: Array, expected: float, chance: float) -> float:
     """1-sigma of what terms (n,) have in common, by moments: each is found with the variance `noise` (n,) plus
-    `passed` (n,) times the variance sought. 0 where the surplus is below `chance` times its own scatter."""
-    weight = 1 / (noise + passed * expected**2)
+    `passed` (n,) times the variance sought, and weighted by what its square tells of that: terms that the image hardly
+    shows, whose noise their prior keeps small, would else drown the others in chance. 0 where the surplus is below
+    `chance` times its own scatter."""
+    weight = passed / (noise + passed * expected**2) ** 2
     surplus = float(weight @ (found**2 - noise))
     by_chance = float(np.sqrt(2 * weight**2 @ noise**2))
     return float(np.sqrt(surplus / (weight @ passed))) if surplus > chance * by_chance else 0.0

@@ -178,12 +178,12 @@ def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | N
     found, scene, limits = estimate.displacement, given.scene, given.thresholds
     if scene.target.shape is not None:
         return None
-    if doubt := doubt_of_displacement(found, given.settings.displaced_px):
+    radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
+    if doubt := doubt_of_displacement(found, given.settings.displaced_px, radius, limits.contradiction):
         return doubt
     if orientation is None:
         return None
     if orientation.markings.verdict == "matched":
-        radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)
         return doubt_of_relief(estimate.relief_px, radius, scene.target, limits.contradiction)
     if found is None:
         return None

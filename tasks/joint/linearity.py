@@ -1,4 +1,5 @@
-"""Whether the detector's signal is proportional to light, as the disk itself tells, and what it does if it is not.
+"""Whether the detector's signal is proportional to light, as the disk itself tells, and what it does if it is not; and
+what grey levels do that are farther apart than the noise.
 
 A signal that goes with light to the power 1 + c differs from one that is proportional by c B ln(B / B_max), to first
 order (B: the disk's brightness). Most of it is taken up by the photometric laws; what is left lies at the blurred limb
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 
 # 1-sigma of the power that is as good as not held at all.
 FREE = 10.0
+# A blurred edge is so many times the PSF's sigma wide: its height over its steepest slope.
+EDGE_WIDTH = float(np.sqrt(2 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -61,3 +64,16 @@ def linearity_of(solution: Solution) -> Linearity:
     fit = solve_linear(problem, solution.fit.weight)
     sigma = float(np.hypot(np.sqrt(covariance_of_all(problem, fit)[0, 0]), limits.linearity_laws))
     return Linearity(float(fit.values[0]), sigma, response_to(solution, column), limits.linearity_sigmas)
+
+
+def displaced_by_levels(picture: NDArray[Any], noise: float, bright: float, psf_px: float) -> float:
+    """By how much, px, an edge may lie off in a `picture` (n,) of few grey levels: half a level, which is the same
+    along much of a limb, over the slope of an edge of height `bright` blurred by `psf_px`. Noise, 1-sigma before
+    the values were rounded, averages it out by exp(-2 (pi noise / level)^2), the first harmonic of the error of
+    rounding (Widrow and Kollar 2008, Quantization Noise). 0 for values that are not on levels."""
+    values = np.unique(picture)
+    if len(values) < 2:
+        return 0.0
+    level = float(np.median(np.diff(values)))
+    dithered = float(np.exp(-2 * (np.pi * noise / level) ** 2))
+    return 0.5 * level / bright * EDGE_WIDTH * psf_px * dithered

@@ -47,11 +47,13 @@ def doubt_of_shape(
     )
 
 
-def doubt_of_displacement(found: Displacement | None, expected_px: float | None) -> str | None:
+def doubt_of_displacement(
+    found: Displacement | None, expected_px: float | None, radius_px: float, limits: ContradictionThresholds
+) -> str | None:
     """The doubt that limb and markings raise which lie off by a smooth displacement whose terms are larger than optics
-    are expected to make them, `expected_px` (1-sigma): then something else is wrong, and errors that count it as
-    optics are no measure of it."""
-    if found is None or expected_px is None or found.size_px <= expected_px:
+    are expected to make them, `expected_px` (1-sigma), and than places of a map on a disk of `radius_px`: then
+    something else is wrong, and errors that count it as optics are no measure of it."""
+    if found is None or expected_px is None or found.size_px <= max(expected_px, limits.displaced_share * radius_px):
         return None
     return (
         f"{Reason.SHAPE_DISAGREES}: limb and markings lie off smoothly, by {found.size_px:.2f} px per term of a "

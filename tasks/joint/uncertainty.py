@@ -85,13 +85,18 @@ def _scores(problem: LinearProblem, fit: Fit) -> Array:
 
 
 def systematic(
-    settings: SystematicSettings, radius_px: float, distortion_px: float = 0.0, larger: tuple[float, float] = (1.0, 1.0)
+    settings: SystematicSettings,
+    radius_px: float,
+    distortion_px: float = 0.0,
+    levels_px: float = 0.0,
+    larger: tuple[float, float] = (1.0, 1.0),
 ) -> Array:
     """Variances (8, 8) that are added for what the residuals cannot show. distortion_px: 1-sigma of the distortion
-    model near the disk. larger: how many times larger the errors of centre and of range are than those of a usual map
-    and PSF (see `times_usual`)."""
-    shared_px = settings.distortion_share * distortion_px
+    model near the disk. levels_px: by how much edges lie off in a picture of few grey levels (see
+    `displaced_by_levels`). larger: how many times larger the errors of centre and of range are than those of a usual
+    map and PSF (see `times_usual`)."""
     sigma = np.zeros(MOVING)
+    shared_px = float(np.hypot(settings.distortion_share * distortion_px, levels_px))
     sigma[OFFSET] = np.hypot(settings.centre_px * larger[0], shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px * larger[1], shared_px) / radius_px
     sigma[ATTITUDE] = settings.attitude_deg

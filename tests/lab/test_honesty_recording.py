@@ -1,5 +1,7 @@
 """Faults on the way into the file: each spoils what it says, and nothing else."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +12,9 @@ from lab.honesty.geometry import planted_errors, predicted_geometry, true_geomet
 from lab.honesty.picture import target_solid
 from lab.honesty.recording import FAULTS, Recorded, spoiled
 from lab.honesty.report import planted
+from lab.honesty.run import ROOT
 from lab.honesty.scene import Scene
+from lab.honesty.table import all_scenes
 from lab.honesty.table_recording import STRENGTHS
 
 PLACE, RADIUS, FULL = (50.0, 40.0), 25.0, 255.0
@@ -70,3 +74,14 @@ def test_a_wrong_time_turns_the_body_about_its_pole_and_a_wrong_shape_its_radii(
     row = {"scene": scene.to_dict() | {"fault": "blocks", "fault_size": 0.01}}
     row["truth"] = {"planted": planted_errors(scene)}
     assert {"blocks 0.01", "radii x (1.0, 1.0, 0.98)", "time late by 7.0 deg"} <= set(planted(row).split("; "))
+
+
+def test_scenes_do_not_depend_on_which_table_was_imported_first() -> None:
+    """In a process of its own: here all of them are imported already."""
+    code = (
+        "import lab.honesty.table_recording; from lab.honesty.table import all_scenes; "
+        "print([scene.seed for scene in all_scenes()])"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert found.stdout.strip() == str([scene.seed for scene in all_scenes()])
+    assert all_scenes()[0].id == "laws-000"

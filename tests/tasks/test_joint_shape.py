@@ -67,22 +67,24 @@ def test_a_limb_much_rougher_than_stated_is_doubted(
 
 
 @pytest.mark.parametrize(
-    ("size_px", "expected_px", "doubted"),
+    ("size_px", "expected_px", "radius_px", "doubted"),
     [
-        (0.29, 0.3, False),  # optics that bend by 0.3 px, at most
-        (0.32, 0.3, True),  # radii wrong by 2 %, three lines left out, columns 3 % too far apart
-        (0.32, 0.6, False),
-        (5.0, None, False),
+        (0.29, 0.3, 100.0, False),  # optics that bend by 0.3 px, at most
+        (0.32, 0.3, 100.0, True),  # radii wrong by 2 %, three lines left out, columns 3 % too far apart
+        (0.32, 0.6, 100.0, False),
+        (0.6, 0.3, 430.0, False),  # a map's places on a large disk
+        (1.2, 0.3, 430.0, True),
+        (5.0, None, 100.0, False),
     ],
 )
 def test_a_displacement_larger_than_optics_make_is_doubted(
-    size_px: float, expected_px: float | None, doubted: bool
+    size_px: float, expected_px: float | None, radius_px: float, doubted: bool
 ) -> None:
     found = replace(displacement((0.5, 0.4)), size_px=size_px)
-    doubt = doubt_of_displacement(found, expected_px)
+    doubt = doubt_of_displacement(found, expected_px, radius_px, LIMITS.contradiction)
     assert (doubt is not None) == doubted
     assert not doubt or doubt.startswith("shape-disagrees: ")
-    assert doubt_of_displacement(None, 0.3) is None
+    assert doubt_of_displacement(None, 0.3, radius_px, LIMITS.contradiction) is None
 
 
 def test_relief_that_the_target_s_file_states_is_no_other_shape() -> None:

@@ -27,7 +27,7 @@ NUMERICS = {
     "smear.py": {"STEP_PX"},
     "outline.py": {"SAMPLES", "LIMB_POINTS", "DIRECTIONS"},
     "contradiction.py": {"MOST"},
-    "linearity.py": {"FREE"},
+    "linearity.py": {"FREE", "EDGE_WIDTH"},
     "beam_bending.py": {"FREE"},
     "shape.py": {"SHEAR"},
     "displaced_markings.py": {"UNSEEN", "SEEN", "HELD"},
