@@ -15,10 +15,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.reasons import Reason
 from catalog.regular_file import check_regular
-from catalog.stars.columns import are_directions, check_directions, column_map
+from catalog.stars.columns import (
+    are_directions,
+    check_directions,
+    column_map,
+    factor_to_ours,
+    looks_of,
+    refuse_swapped,
+    unit_in,
+)
+from catalog.stars.embedded import EMBEDDED
 from catalog.stars.source import Cone
 from catalog.stars.table import StarTable, unit_vectors
 
@@ -119,6 +128,15 @@ class FileCatalog:
         return float(epochs[0])
 
 
+def check_catalog(name_or_file: str | None) -> None:
+    """Raise WrongOptionError where what is neither None nor the name of a packaged catalog is no star catalog."""
+    if name_or_file and name_or_file.lower() not in EMBEDDED:
+        try:
+            FileCatalog(Path(name_or_file)).check()
+        except RefusedError as error:
+            raise WrongOptionError("stars", error.fault, error.remedy) from error
+
+
 def _numbers(column: Any) -> NDArray[np.float64]:
     """Numbers of a column; what is masked or empty becomes NaN."""
     if isinstance(column, np.ma.MaskedArray):
@@ -137,14 +155,19 @@ def _of_parquet(path: Path, given: Mapping[str, str], cone: Cone | None) -> Colu
     try:
         with pq.ParquetFile(path) as file:
             names = column_map(file.schema_arrow.names, given, str(path))
-            groups = [number for number in range(file.num_row_groups) if _may_hold(file, number, names, cone)]
+            factors = _factors(names, {key: unit_in(name) for key, name in names.items()}, path)
+            groups = list(range(file.num_row_groups))
+            if factors["ra_deg"] == factors["dec_deg"] == 1:
+                groups = [number for number in groups if _may_hold(file, number, names, cone)]
             if (rows := sum(file.metadata.row_group(number).num_rows for number in groups)) > MOST_STARS:
                 raise ValueError(f"{rows} stars would be read, {MOST_STARS} are the most; {NARROWER}")
             rows = file.metadata.num_rows
             table = file.read_row_groups(groups, columns=list(names.values()))
     except pa.ArrowException as error:
         raise ValueError(str(error)) from error
-    columns = {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}
+    columns = _in_our_units(
+        {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}, factors
+    )
     if groups or not rows:
         check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
     return columns
@@ -191,12 +214,13 @@ def _of_fits(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns
             raise ValueError("it holds no table")
         data = tables[0].data
         names = column_map(data.names, given, str(path))
+        factors = _factors(names, {key: tables[0].columns[name].unit for key, name in names.items()}, path)
         chosen: Any = slice(None)
-        ra, dec = (np.asarray(data[names[key]], dtype=np.float64) for key in ("ra_deg", "dec_deg"))
+        ra, dec = (np.asarray(data[names[key]], np.float64) * factors[key] for key in ("ra_deg", "dec_deg"))
         check_directions(ra, dec, names, str(path))
         if cone is not None:
             chosen = np.flatnonzero(unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg)))
-        return {key: np.array(data[name][chosen]) for key, name in names.items()}
+        return _in_our_units({key: np.array(data[name][chosen]) for key, name in names.items()}, factors)
 
 
 @lru_cache(maxsize=2)
@@ -207,11 +231,12 @@ def _of_text(path: Path, kind: str, given: tuple[tuple[str, str], ...], _: tuple
 
         table = parse_single_table(path, verify="ignore").to_table(use_names_over_ids=True)
         names = column_map(table.colnames, dict(given), str(path))
-        columns: Columns = {key: np.ma.asarray(table[name]) for key, name in names.items()}
+        factors = _factors(names, {key: table[name].unit for key, name in names.items()}, path)
+        columns: Columns = _in_our_units({key: np.ma.asarray(table[name]) for key, name in names.items()}, factors)
     else:
         content = _read_csv(path)
         names = column_map([str(name).strip() for name in content.columns], dict(given), str(path))
-        columns = _columns_of(content, names)
+        columns = _columns_of(content, names, path)
     check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
     return columns
 
@@ -231,14 +256,23 @@ def _separator(path: Path) -> str:
     return next((each for each in ",\t;|" if each in first), ",")
 
 
-def _columns_of(content: Any, names: Mapping[str, str]) -> Columns:
+def _factors(names: Mapping[str, str], units: Mapping[str, Any], path: Path) -> dict[str, float]:
+    return {key: factor_to_ours(key, units[key], name, str(path)) for key, name in names.items()}
+
+
+def _in_our_units(columns: Columns, factors: Mapping[str, float]) -> Columns:
+    return {key: values if factors[key] == 1 else _numbers(values) * factors[key] for key, values in columns.items()}
+
+
+def _columns_of(content: Any, names: Mapping[str, str], path: Path) -> Columns:
     import pandas as pd
 
     content.columns = [str(name).strip() for name in content.columns]
-    return {
+    columns = {
         key: (content[name] if key == "ident" else pd.to_numeric(content[name], errors="coerce")).to_numpy()
         for key, name in names.items()
     }
+    return _in_our_units(columns, _factors(names, {key: unit_in(name) for key, name in names.items()}, path))
 
 
 @dataclass
@@ -262,13 +296,16 @@ class _Pieces:
         used = [name for name in head if name.strip() in names.values()]
         kept: list[Columns] = []
         rows = stars = directions_known = 0
+        beyond_90, all_within_90 = False, True
         with _read_csv(self.path, usecols=used, chunksize=ROWS_AT_ONCE) as pieces:
             for piece in pieces:
-                count, columns = len(piece), _columns_of(piece, names)
+                count, columns = len(piece), _columns_of(piece, names, self.path)
                 # Stars without a name have the number of their row.
                 columns.setdefault("ident", np.arange(rows, rows + count))
                 rows += count
                 directions_known += int(are_directions(columns["ra_deg"], columns["dec_deg"]).sum())
+                beyond, within = looks_of(columns["ra_deg"], columns["dec_deg"])
+                beyond_90, all_within_90 = beyond_90 or beyond, all_within_90 and within
                 inside = np.ones(count, bool)
                 if cone is not None:
                     directions = unit_vectors(columns["ra_deg"], columns["dec_deg"])
@@ -277,6 +314,7 @@ class _Pieces:
                 stars += int(inside.sum())
                 if stars > MOST_STARS:
                     raise ValueError(f"more than {MOST_STARS} stars are in it; give --near and --cone-deg")
+        refuse_swapped(beyond_90, all_within_90, names, str(self.path))
         if not directions_known:
             check_directions(np.full(rows, np.nan), np.full(rows, np.nan), names, str(self.path))
         return {key: np.concatenate([piece[key] for piece in kept]) for key in kept[0]}
