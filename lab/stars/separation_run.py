@@ -69,7 +69,8 @@ def do(case: Case) -> Row:
         row: Row = {"camera": case.like.name, "radius_px": case.radius_px}
         row |= {"offset_km": float(np.linalg.norm(planted.offset_km))}
         row |= {"status": result["status"], "reason": result["reason"]}
-        return json.loads(json.dumps(row | compared(result, planted, folder)))  # type: ignore[no-any-return]
+        content: Row = json.loads(json.dumps(row | compared(result, planted, folder)))
+        return content
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
