@@ -23,6 +23,9 @@ TWIST_TOLERANCE_DEG = 2.0
 SCALE_TOLERANCE = 0.02
 REVERSED_ROWS = "ROWS_REVERSED_BY_READER"
 WCS_NEEDED = ("CRVAL1", "CRVAL2", "CRPIX1", "CRPIX2")
+WCS_SCALES = ("CD1_1", "CD1_2", "CDELT1")  # without any of them a pixel would be taken for a degree
+ECLIPTIC = {"ELON", "ELAT"}
+SKIES = {"RA--", "DEC-", "GLON", "GLAT", *ECLIPTIC}
 WCS_REMEDY = "Give the orientation in a pose file (--pose), or kernels."
 
 
@@ -70,13 +73,13 @@ def orientation_of_wcs(
     flip: Flip | None = None,
     first_px: tuple[int, int] = (0, 0),
 ) -> Array | None:
-    """camera_from_j2000 of a FITS header's world coordinates (RA---TAN and the like, equatorial); None where it has
-    none. size_px: of the picture as it was read; flip: how the user had it flipped; first_px: where its first pixel
-    lies in the camera's frame.
+    """camera_from_j2000 of a FITS header's world coordinates (RA---TAN and the like: equatorial, galactic or ecliptic,
+    either axis first); None where it has none. size_px: of the picture as it was read; flip: how the user had it
+    flipped; first_px: where its first pixel lies in the camera's frame.
 
     Raises RefusedError where the coordinates do not fit the camera: a mirrored picture, or another pixel scale.
     """
-    if not str(header.get("CTYPE1", "")).upper().startswith("RA--"):
+    if not _axis_names(header) & SKIES:
         return None
     nx, ny = size_px
     places = np.array([[0.5, 0.5], [0.3, 0.4], [0.7, 0.45], [0.4, 0.7], [0.65, 0.65]]) * [nx - 1, ny - 1]
@@ -107,16 +110,25 @@ def _file_places(header: Mapping[str, Any], places: Array, size_px: tuple[int, i
     return centred + (size - 1) / 2
 
 
+def _axis_names(header: Mapping[str, Any]) -> set[str]:
+    return {str(header.get(key, "")).upper()[:4] for key in ("CTYPE1", "CTYPE2")}
+
+
 def _sky_of(header: Mapping[str, Any], places: Array) -> Array:
     """Unit vectors (n, 3) in J2000 (ICRS) of 0-based pixels of the file."""
     import warnings
 
+    from astropy.coordinates import BarycentricMeanEcliptic, SkyCoord
     from astropy.io.fits import Header, VerifyError
+    from astropy.time import Time
     from astropy.wcs import WCS
 
     lacking = [key for key in WCS_NEEDED if not isinstance(header.get(key), int | float)]
     if lacking:  # their usual value, 0, would be taken for a place on the sky
         fault = f"the header's world coordinates lack {' and '.join(lacking)}"
+        raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY)
+    if not any(isinstance(header.get(key), int | float) for key in WCS_SCALES):
+        fault = "the header's world coordinates have neither CD1_1 nor CDELT1, the size of a pixel"
         raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY)
     kept = Header()
     try:
@@ -125,9 +137,20 @@ def _sky_of(header: Mapping[str, Any], places: Array) -> Array:
                 kept[key] = value
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            sky = WCS(kept, naxis=2).pixel_to_world(places[:, 0], places[:, 1]).icrs
+            wcs = WCS(kept, naxis=2)
+            if _axis_names(header) == ECLIPTIC:  # astropy has no frame for them
+                degrees = wcs.all_pix2world(places, 0)[:, [wcs.wcs.lng, wcs.wcs.lat]]
+                is_old, year = wcs.wcs.radesys.upper().startswith("FK4"), wcs.wcs.equinox
+                equinox = Time(year if math.isfinite(year) else 2000.0, format="byear" if is_old else "jyear")
+                sky = SkyCoord(*degrees.T, unit="deg", frame=BarycentricMeanEcliptic(equinox=equinox))
+            else:
+                sky = wcs.pixel_to_world(places[:, 0], places[:, 1])
+        if not isinstance(sky, SkyCoord):
+            raise ValueError(f"RADESYS = {header.get('RADESYS')} is no frame that is known")
+        sky = sky.icrs
     except (VerifyError, ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
-        fault = f"the header's world coordinates cannot be read ({error})"
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[-1]  # wcslib's last line is its cause
+        fault = f"the header's world coordinates cannot be read ({reason})"
         raise RefusedError(Reason.WCS_UNREADABLE, f"{fault}.", WCS_REMEDY) from error
     vectors = np.asarray(sky.cartesian.xyz.value.T, dtype=np.float64)
     if not np.isfinite(vectors).all():

@@ -8,7 +8,8 @@ from catalog.errors import RefusedError
 from catalog.reasons import Reason
 from catalog.regular_file import is_folder, is_regular, open_regular
 
-LABEL_SUFFIXES = (".LBL", ".lbl", ".Lbl", ".xml", ".XML")
+PDS4_SUFFIXES = (".xml", ".lblx")  # in any case
+LABEL_SUFFIXES = (".LBL", ".lbl", ".Lbl", ".xml", ".XML", ".lblx")
 PACKED_SUFFIXES = (".gz", ".bz2")
 MAX_LABEL_BYTES = 2_000_000
 MAX_FILES = 20_000
@@ -20,8 +21,8 @@ IS_LABEL = re.compile(rb"\s*(?:\xef\xbb\xbf)?(?:<\?xml|PDS_VERSION_ID|CCSD3ZF|Ob
 
 
 def label_beside(path: Path) -> Path | None:
-    """The other file of an image: the label beside it (same name, .LBL, .lbl or .xml), or, where `path` is a label, the
-    file with the pixels that it names; None when there is none."""
+    """The other file of an image: the label beside it (same name, .LBL, .lbl, .xml or .lblx), or, where `path` is a
+    label, the file with the pixels that it names; None when there is none."""
     if known := absent_file(path):
         return known.other
     described = _described(path)
@@ -52,6 +53,14 @@ def data_beside(label: Path, name: str) -> Path:
             "Put label and image into one folder, under the name that the label gives.",
         )
     return found
+
+
+def packed_beside(label: Path) -> Path | None:
+    """The packed file with the pixels of a label whose own file, under the name that the label gives, is not there."""
+    name = name_described(label)
+    if name is None or _in_folder(label, name) is not None:
+        return None
+    return next((found for end in PACKED_SUFFIXES if (found := _in_folder(label, name + end))), None)
 
 
 def _in_folder(label: Path, name: str) -> Path | None:

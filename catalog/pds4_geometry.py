@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.celestial import orientation_of_twist
-from catalog.detached import label_beside
+from catalog.detached import PDS4_SUFFIXES, label_beside
 from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.pose import PartialPose
@@ -75,8 +75,8 @@ def pose_from_pds4(
 
 def pds4_label_beside(path: Path) -> Path | None:
     """The PDS4 label of a file: itself, or the one beside it."""
-    label = path if path.suffix.lower() == ".xml" else label_beside(path)
-    return label if label is not None and label.suffix.lower() == ".xml" else None
+    label = path if path.suffix.lower() in PDS4_SUFFIXES else label_beside(path)
+    return label if label is not None and label.suffix.lower() in PDS4_SUFFIXES else None
 
 
 def _positions(root: Element, middle: Vector, corners: Vector) -> tuple[Vector | None, Vector | None, str | None]:

@@ -16,6 +16,12 @@ TIME = re.compile(
     r" ?(?:Z|UTC?|([+-](?:0\d|1[0-4])):?([0-5]\d))?",  # clocks differ by 14 hours at most
 )
 EXAMPLE = "2000-05-22T23:52:05.277Z"
+MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+OTHER_DAYS = (  # written with slashes, or with the month's name
+    re.compile(r"(?P<year>\d{4})/(?P<month>\d{2})/(?P<day>\d{2})"),
+    re.compile(r"(?P<year>\d{4})[- ](?P<month>[a-z]{3})[a-z]*\.?[- ](?P<day>\d{1,2})", re.IGNORECASE),
+    re.compile(r"(?P<day>\d{1,2})[- ](?P<month>[a-z]{3})[a-z]*\.?[- ](?P<year>\d{4})", re.IGNORECASE),
+)
 
 
 class DayOnlyError(ValueError):
@@ -32,12 +38,13 @@ def et_from_utc(utc: str) -> float:
 
 
 def et_from_time(text: str, scale: str) -> float:
-    """TDB seconds past J2000 of an ISO time in one of astropy's scales (utc, tdb, tt, tai, ut1, tcb, tcg) or in gps.
+    """TDB seconds past J2000 of an ISO time (its day also as 2000/05/22, 2000 May 22 or 22-MAY-2000) in one of
+    astropy's scales (utc, tdb, tt, tai, ut1, tcb, tcg) or in gps.
 
     Raises ValueError for what is no time of that scale: a second 60 must be a leap second; UT1 is known while IERS has
     published it; and DayOnlyError for a day without a time of day.
     """
-    match = TIME.fullmatch(text.strip())
+    match = TIME.fullmatch(_iso(text.strip()))
     if match is None:
         raise ValueError(f"{text!r} is no {scale.upper()} such as {EXAMPLE}")
     year, month, day, day_of_year, hour, minute, second, offset_h, offset_min = match.groups()
@@ -62,6 +69,16 @@ def et_from_time(text: str, scale: str) -> float:
     if offset_h is None:
         return et
     return et - 60.0 * (60 * int(offset_h) + (-1 if offset_h.startswith("-") else 1) * int(offset_min))
+
+
+def _iso(text: str) -> str:
+    """The text with its day as ISO 8601 has it; as it is where it has none of OTHER_DAYS."""
+    match = next((found for pattern in OTHER_DAYS if (found := pattern.match(text))), None)
+    month = match["month"].lower() if match else ""
+    if match is None or not (month.isdecimal() or month in MONTHS):
+        return text
+    number = int(month) if month.isdecimal() else MONTHS.index(month) + 1
+    return f"{match['year']}-{number:02d}-{int(match['day']):02d}{text[match.end() :]}"
 
 
 def et_from_mjd(days: float, scale: str, seconds: float = 0.0) -> float:

@@ -89,9 +89,8 @@ def export(options: ExportOptions, show: Show) -> None:
     from tasks.publish.check import products_in
 
     emission = {} if options.max_emission_deg is None else {"max_emission_deg": options.max_emission_deg}
-    selection = Selection(
-        options.latitude, options.longitude, options.max_incidence_deg, every_flag=options.every_flag, **emission
-    )
+    limits = options.max_incidence_deg, emission.get("max_emission_deg", Selection.max_emission_deg)
+    selection = Selection(options.latitude, options.longitude, *limits, every_flag=options.every_flag)
     formats, middle_deg = tuple(dict.fromkeys(options.format)), options.central_longitude_deg
     try:
         settings = ExportSettings(
@@ -171,7 +170,7 @@ def photometry(options: PhotometryOptions, show: Show) -> None:
     settings = PhotometrySettings(
         options.law, selection, options.doubtful, options.albedo_map, options.bands, options.max_pixels, fit
     )
-    regions = read_regions(options.regions, selection) if options.regions else ()
+    regions = read_regions(options.regions, selection, options.west_longitudes) if options.regions else ()
     results = fit_store(options.store, settings, regions)
     paths = write_photometry(results, options.law, options.out)
     for result in results:

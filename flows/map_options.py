@@ -20,7 +20,8 @@ class PhotometryOptions(Options):
     )
     latitude: Limits = opt(LATITUDES, description="South and north limit.")
     longitude: Limits = opt(LONGITUDES, description="West and east limit, east positive; may run through 0.")
-    regions: File = opt(description="CSV file of regions: region, south, north, west, east.")
+    regions: File = opt(description="Regions: CSV (region, south, north, west, east) or GeoJSON with polygons.")
+    west_longitudes: bool = opt(False, description="The longitudes in that file are positive westward.")
     max_incidence_deg: float = opt(75.0, ge=0, le=90, description="Pixels with a larger angle are not used.")
     max_emission_deg: float = opt(75.0, ge=0, le=90, description="Pixels with a larger angle are not used.")
     hold: Annotated[tuple[str, ...], Cli(metavar="NAME=VALUE")] = opt(
@@ -36,8 +37,7 @@ class PhotometryOptions(Options):
         5.0, ge=0, description="1-sigma of the images' calibration against each other; 0: it is exact."
     )
     units_per_if: float | None = opt(
-        ge=1e-12,
-        description="Image units per I/F; without it albedos are in image units, and Hapke's w comes from the shape.",
+        ge=1e-12, description="Image units per I/F; default: albedos in image units, and Hapke's w from the shape."
     )
     bands: str = opt("none", description="A separate fit for each: none, filter or camera.")
     albedo_map: bool = opt(False, description="Divide by the base map with which the products were made.")

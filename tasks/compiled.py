@@ -1,11 +1,13 @@
 """Functions compiled by numba, their machine code kept on disk."""
 
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cached_property, update_wrapper
 from pathlib import Path
 from threading import RLock
 from typing import Any
+
+from tasks.atomic import locked
 
 # What may be done to floating-point sums and quotients where the last digits do not matter; NaN and inf stay what they
 # are.
@@ -55,8 +57,38 @@ def _compiled(function: Callable[..., Any], **options: Any) -> Callable[..., Any
         dispatcher = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     except RuntimeError:
         return numba.njit(nogil=True, error_model="numpy", **options)(function)
-    _forget_older(Path(dispatcher.stats.cache_path), function)
+    folder = Path(dispatcher.stats.cache_path)
+    _forget_older(folder, function)
+    _compile_one_at_a_time(dispatcher, folder / f"{_kept_name(function)}.lock")
     return dispatcher
+
+
+def _compile_one_at_a_time(dispatcher: Any, lock: Path) -> None:
+    """Let one process at a time look for kept machine code and, where there is none, compile: workers that start
+    together would each compile the same functions, and the later ones now find the first one's."""
+    compile_signature = dispatcher.compile
+
+    def compile_alone(signature: Any) -> Any:
+        # Threads wait here first: numba's own lock is taken within, and called functions come here again.
+        with COMPILING, _only_process(lock):
+            return compile_signature(signature)
+
+    dispatcher.compile = compile_alone
+
+
+@contextmanager
+def _only_process(lock: Path) -> Iterator[None]:
+    """Hold the lock file; without it where it cannot be made or locked, as on some network disks."""
+    with ExitStack() as stack:
+        with suppress(OSError):
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            stack.enter_context(locked(stack.enter_context(lock.open("a"))))
+        yield
+
+
+def _kept_name(function: Callable[..., Any]) -> str:
+    """The first part of the names of a function's files in the cache."""
+    return f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}"
 
 
 def _forget_older(folder: Path, function: Callable[..., Any]) -> None:
@@ -66,8 +98,7 @@ def _forget_older(folder: Path, function: Callable[..., Any]) -> None:
     if not files:
         return
     newest = max(file.stat().st_mtime for file in files)
-    name = f"{function.__module__.rpartition('.')[2]}.{function.__qualname__}-*.nb?"
-    for kept in folder.glob(name):
+    for kept in folder.glob(f"{_kept_name(function)}-*.nb?"):
         with suppress(OSError):
             if kept.stat().st_mtime < newest:
                 kept.unlink()

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import grimp
@@ -30,7 +31,8 @@ def name_of(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def imports_of(path: Path) -> set[str]:
+@cache
+def imports_of(path: Path) -> frozenset[str]:
     """Every module that a file imports, also inside functions."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -38,7 +40,7 @@ def imports_of(path: Path) -> set[str]:
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
             found.add(node.module)
-    return found
+    return frozenset(found)
 
 
 def packages_of(path: Path) -> set[str]:
@@ -101,6 +103,23 @@ def test_a_circle_of_imports_would_be_found() -> None:
     assert set(circle_in({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == {"a", "b", "c"}
 
 
+# Tests of the estimator's own renderer, which draw with it.
+DRAWS_WITH_THE_SCENE = {"tests/simulated/test_simulate_geometry.py", "tests/tasks/test_shine.py"}
+
+
+def test_planted_truth_is_drawn_by_another_renderer_than_the_estimators(graph: grimp.ImportGraph) -> None:
+    """What it is drawn by imports nothing of the estimator, and no test or benchmark draws with a scene."""
+    drawn_by = graph.find_upstream_modules("lab.simulate.independent")
+    assert "lab.honesty.caster" in drawn_by
+    assert {name for name in drawn_by if name.partition(".")[0] not in ("catalog", "lab")} == set()
+    files = [path for folder in ("tests", "lab") for path in sorted((ROOT / folder).rglob("*.py"))]
+    scenes = ("tasks.simulate", "lab.simulate.small_world")
+    with_scenes = [path for path in files if any(name.startswith(scenes) for name in imports_of(path))]
+    assert len(with_scenes) > 10
+    draws = {name_of(path) for path in with_scenes if re.search(r"\.render\(", path.read_text(encoding="utf-8"))}
+    assert draws == DRAWS_WITH_THE_SCENE
+
+
 def test_nothing_that_is_installed_for_users_names_a_module_of_the_instruments() -> None:
     """Nor as text, for modules are also started and looked up by name."""
     named = re.compile(r"""["'](lab\.\w+|lab/)""")
@@ -160,9 +179,9 @@ def test_the_steps_are_listed_once() -> None:
     assert lists == []
 
 
-def public_definitions(path: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
+def public_definitions(module: ast.Module) -> Iterator[ast.FunctionDef | ast.ClassDef]:
     """Public functions and classes of a module, and public methods of its classes."""
-    for node in ast.parse(path.read_text()).body:
+    for node in module.body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
             yield node
             if isinstance(node, ast.ClassDef):
@@ -171,13 +190,11 @@ def public_definitions(path: Path) -> Iterator[ast.FunctionDef | ast.ClassDef]:
 
 
 def test_modules_and_what_they_offer_are_explained() -> None:
-    bare = [name_of(path) for path in SOURCES if not ast.get_docstring(ast.parse(path.read_text()))]
-    bare += [
-        f"{name_of(path)}:{node.name}"
-        for path in SOURCES
-        for node in public_definitions(path)
-        if not ast.get_docstring(node)
-    ]
+    bare = []
+    for path in SOURCES:
+        module = ast.parse(path.read_text())
+        explained = [(name_of(path), module), *((f"{name_of(path)}:{n.name}", n) for n in public_definitions(module))]
+        bare += [name for name, node in explained if not ast.get_docstring(node)]
     assert bare == []
 
 
@@ -275,29 +292,26 @@ VAGUE = re.compile(r"told|asked|believe|untold|workman|workforce|telling|settlin
 NAMED_BY_THE_FIELD = re.compile(r"masked")
 
 
-def names_in(path: Path) -> Iterator[str]:
+def names_in(path: Path) -> set[str]:
     """Every identifier that a module makes or uses, its own name and those of the modules that it imports."""
-    yield path.stem
+    found = {path.stem}
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.Name):
-            yield node.id
+            found.add(node.id)
         elif isinstance(node, ast.Attribute):
-            yield node.attr
+            found.add(node.attr)
         elif isinstance(node, ast.FunctionDef | ast.ClassDef):
-            yield node.name
+            found.add(node.name)
         elif isinstance(node, ast.arg) or (isinstance(node, ast.keyword) and node.arg):
-            yield node.arg
+            found.add(node.arg or "")
         elif isinstance(node, ast.alias):
-            yield from node.name.split(".")
+            found.update(node.name.split("."))
+    return found
 
 
 def test_identifiers_are_the_fields_or_plain_words() -> None:
     named = [*SOURCES, *sorted((ROOT / "docs").rglob("*.py")), *sorted((ROOT / "tests").rglob("*.py"))]
-    vague = {
-        f"{name_of(path)}: {name}"
-        for path in named
-        for name in names_in(path)
-        if VAGUE.search(NAMED_BY_THE_FIELD.sub("", name.lower()))
-    }
-    assert vague == set()
-    assert "backplanes" in {part for path in named for part in names_in(path)}
+    names = {path: names_in(path) for path in named}
+    vague = {name for name in set().union(*names.values()) if VAGUE.search(NAMED_BY_THE_FIELD.sub("", name.lower()))}
+    assert {name_of(path): found & vague for path, found in names.items() if found & vague} == {}
+    assert any("backplanes" in found for found in names.values())

@@ -7,6 +7,7 @@ more of some FITS files than ours does.
 from functools import cache
 from pathlib import Path
 
+from catalog.detached import packed_beside
 from catalog.errors import RefusedError
 from catalog.flips import Flip
 from catalog.image_mode import ImageMode
@@ -31,10 +32,11 @@ from catalog.reasons import Reason
 from catalog.regular_file import TooLargeError, open_regular
 
 READERS: tuple[Reader, ...] = (
-    VicarReader(), ImqReader(), FitsReader(), IsisReader(), PictureReader(), TiffReader(), NpyReader(), Pds3Reader(),
+    VicarReader(), ImqReader(), FitsReader(), PictureReader(), TiffReader(), NpyReader(), IsisReader(), Pds3Reader(),
     Pds4Reader(),
 )  # fmt: skip
-"""The last two also read files without a mark of their own, which a label beside them describes."""
+OF_LABELS = 3
+"""The last ones also read files without a mark of their own, which a label beside them describes."""
 
 __all__ = ["READERS", "all_readers", "image_is_folder", "plugin_reader_of", "read_frame"]
 
@@ -78,8 +80,9 @@ def read_frame(
     """
     path = Path(path)
     head = _head(path)
-    if is_packed(head):
-        with unpacked(path) as image:
+    packed = path if is_packed(head) else packed_beside(path)
+    if packed is not None:
+        with unpacked(packed) as image:
             reading = _read(image, _head(image), plane)
     else:
         reading = _read(path, head, plane)
@@ -89,7 +92,7 @@ def read_frame(
 def _read(path: Path, head: bytes, plane: str | None) -> Reading:
     """The file by the reader that knows it; a label by the reader of the file that it describes, if that has one."""
     given, pixels = path, pixel_file(path)
-    if pixels != path and _reader_of(_head(pixels), pixels, READERS[:-2]) is not None:
+    if pixels != path and _reader_of(_head(pixels), pixels, READERS[:-OF_LABELS]) is not None:
         head, path = _head(pixels), pixels
     elif is_packed(head):
         raise RefusedError(Reason.IMAGE_FORMAT_UNKNOWN, f"image {path}: it is packed twice.", "Unpack it.")

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalog.detached import LABEL_SUFFIXES, label_beside
+from catalog.detached import LABEL_SUFFIXES, PDS4_SUFFIXES, label_beside
 from catalog.errors import RefusedError
 from catalog.readers.keywords import facts_of_keywords, plain_values
 from catalog.readers.label_values import plain_label
@@ -52,7 +52,7 @@ def completed(reading: Reading, path: Path) -> Reading:
 
 
 def _facts(path: Path, label: Path) -> dict[str, Any]:
-    if label.suffix.lower() == ".xml":
+    if label.suffix.lower() in PDS4_SUFFIXES:
         return facts_of_xml(parsed_xml(path, label))
     keywords = keywords_of(parsed_label(path, label))
     return {**facts_of_keywords(keywords), "label": plain_label(plain_values(keywords))}

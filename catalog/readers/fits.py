@@ -27,7 +27,7 @@ from catalog.readers import lorri
 from catalog.readers.bands import chosen_plane
 from catalog.readers.fits_tiles import check_tiles, tile_faults
 from catalog.readers.fits_time import exposure_s, fits_exposure_time
-from catalog.readers.label_values import plain_label, text
+from catalog.readers.label_values import number, plain_label, text
 from catalog.readers.names import instrument_names, targets_of_label
 from catalog.readers.reading import Reading, checked_shape, unreadable
 from catalog.readers.stated_mode import mode_of_fits_header
@@ -291,7 +291,7 @@ def _quality(header: dict[str, Any], image: NDArray[Any], flags: NDArray[Any] | 
     bits = np.zeros(image.shape, np.int64)
     if flags is not None and flags.dtype.kind in "iu":
         bits = flags.astype(np.int64) & ALL_BITS
-    blank = header.get("BLANK")
-    if isinstance(blank, int) and image.dtype.kind in "iu":
-        bits = np.where(image == blank, bits | Quality.MISSING, bits)
+    blank, zero = header.get("BLANK"), number(header, "BZERO") or 0.0
+    if isinstance(blank, int) and image.dtype.kind in "iu":  # BLANK is a stored number: unsigned ones have a BZERO
+        bits = np.where(image == blank + int(zero), bits | Quality.MISSING, bits)
     return bits.astype(np.uint16)

@@ -20,13 +20,17 @@ SCALES = {
     "ET": "tt", "TDB": "tdb", "TCB": "tcb", "TCG": "tcg", "GPS": "gps",
 }  # fmt: skip
 ELSEWHERE = ("BARYCENT", "HELIOCEN", "EMBARYCE")  # TREFPOS: where light arrived minutes before or after the camera
+CLOCKS = ("TIME-OBS", "TIME_OBS", "UTC-OBS", "UT-OBS", "UTSTART", "TIME-BEG", "UTSHUT", "UT", "UTC")
 DATES: dict[str, tuple[Place, tuple[str, ...]]] = {  # keyword: what it is of, and where its time of day may be
     "DATE-AVG": ("middle", ("TIME-AVG",)),
     "SPCUTCAL": ("middle", ()),  # New Horizons
     "DATE-MID": ("middle", ("TIME-MID", "UTMIDDLE")),
     "DATE-BEG": ("start", ("TIME-BEG", "UTSTART")),
     "DATE-END": ("end", ("TIME-END", "UTEND", "UTSTOP")),
-    "DATE-OBS": ("start", ("TIME-OBS", "UTC-OBS", "UT-OBS", "UTSTART", "TIME-BEG", "UTSHUT", "UT", "UTC")),
+    "DATE-OBS": ("start", CLOCKS),
+    "DATE_OBS": ("start", CLOCKS),
+    "START_TIME": ("start", ()),  # as PDS labels have them
+    "STOP_TIME": ("end", ()),
 }
 MJDS: dict[str, Place] = {
     "MJD-AVG": "middle", "EXPMID": "middle", "MJD-BEG": "start", "EXPSTART": "start", "MJD-END": "end", "EXPEND": "end",
@@ -77,7 +81,7 @@ def _fault_of_scale(header: Mapping[str, Any]) -> str:
 
 def _place(keyword: str, comments: Mapping[str, str], usual: Place) -> Place:
     """What a keyword's time is of; DATE-OBS and MJD-OBS may be explained in their comment."""
-    comment = comments.get(keyword, "") if keyword.endswith("-OBS") else ""
+    comment = comments.get(keyword, "") if keyword.endswith(("-OBS", "_OBS")) else ""
     if IS_MIDDLE.search(comment):
         return "middle"
     return "end" if IS_END.search(comment) else usual

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.detached import data_beside
+from catalog.detached import data_beside, label_beside, name_described
 from catalog.errors import RefusedError
-from catalog.isis_tables import begins_as_cube, parsed_cube_label
+from catalog.isis_tables import begins_as_cube, is_isis_cube, parsed_cube_label
 from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
 from catalog.readers.keywords import USUAL_START, Start, facts_of_keywords, flat, isis_keyword, mid_time, plain_values
@@ -46,14 +46,15 @@ FOR_PROJECTED = "Give the cube in the camera's own geometry (level 1), not a map
 
 
 class IsisReader:
-    """Cubes of ISIS3, and the detached label of one."""
+    """Cubes of ISIS3, by the cube, its detached label, or the file with the pixels that one describes."""
 
-    def recognises(self, head: bytes, path: Path) -> bool:  # noqa: ARG002
-        """A label whose first object is IsisCube."""
-        return begins_as_cube(head)
+    def recognises(self, head: bytes, path: Path) -> bool:
+        """A label whose first object is IsisCube begins the file, or lies beside it and names it as its core."""
+        return begins_as_cube(head) or _label_of_core(path) is not None
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
         """Pixels and metadata of one band."""
+        path = _label_of_core(path) or path
         label = _label(path)
         cube = _object(path, label, "IsisCube")
         core = _object(path, cube, "Core")
@@ -135,6 +136,17 @@ def _label(path: Path) -> Mapping[str, Any]:
         return parsed_cube_label(path)
     except ValueError as error:
         raise unreadable(path, str(error)) from error
+
+
+def _label_of_core(path: Path) -> Path | None:
+    """The detached label beside a file that says that the file is its core; None where there is none."""
+    beside = label_beside(path)
+    if beside is None or not is_isis_cube(beside) or name_described(beside) is None:
+        return None
+    try:
+        return beside if data_beside(beside, str(name_described(beside))) == path else None
+    except RefusedError:
+        return None
 
 
 def _object(path: Path, label: Mapping[str, Any], name: str) -> Any:

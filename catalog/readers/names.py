@@ -40,7 +40,18 @@ NO_TARGET = {
     "---",
     "?",
     "N-A",
+    "NOT APPLICABLE",
+    "OTHER",
+    "SYSTEM",
+    "DUST",
+    "DARK SKY",
+    "CAL LAMPS",
+    "PLAQUE",
+    "NON SCIENCE",
 }
+# The number of a minor planet, bare or in brackets, or of a comet, before its name; what is in brackets behind it.
+NUMBERED = re.compile(r"(?:(?:\d+ ?)?[pdc]/|\(?\d+\)?[ _]*)(?=[a-z])")
+IN_BRACKETS = re.compile(r" *\([^)]*\)?$")
 
 
 def instrument_names(label: Mapping[str, Any]) -> tuple[str, ...]:
@@ -114,7 +125,11 @@ def _is_one_name(item: Any) -> bool:
 def _full_name(name: str) -> str:
     """Catalog name of a spelling; labels cut names off where their room ends (ENCELADU of Voyager)."""
     names = target_names()
-    if name in names or len(name) < SHORTEST_CUT_OFF:
-        return names.get(name, name)
+    bare = IN_BRACKETS.sub("", name).rstrip(" ._")
+    known = (names[each] for each in (name, bare, NUMBERED.sub("", bare, count=1)) if each in names)
+    if (found := next(known, None)) is not None:
+        return found
+    if len(name) < SHORTEST_CUT_OFF:
+        return name
     meant = {target for spelling, target in names.items() if spelling.startswith(name)}
     return meant.pop() if len(meant) == 1 else name

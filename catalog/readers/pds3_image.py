@@ -32,6 +32,7 @@ from catalog.regular_file import open_regular
 START = re.compile(rb"\s*(?:PDS_VERSION_ID|CCSD3ZF)")
 END = re.compile(r"(?m)^[ \t]*END[ \t]*\r?$")
 QUBES = ("QUBE", "SPECTRAL_QUBE", "ISIS2_QUBE")
+IMAGE_POINTER = re.compile(r"\^(?:\w*_)?(?:IMAGE|QUBE)")
 MISSING_KEYS = (
     "MISSING_CONSTANT", "MISSING", "INVALID_CONSTANT", "INVALID", "NULL", "CORE_NULL", "CORE_LOW_REPR_SATURATION",
     "CORE_LOW_INSTR_SATURATION",
@@ -60,7 +61,7 @@ class Pds3Reader:
             raise unreadable(path, f"its label {label_file.name} describes {image.file.name}")
         check_array(image.file, image.array)
         band = chosen_plane(path, image.names, plane)
-        records = number(label, "FILE_RECORDS")
+        records = number(_with_pointer(label), "FILE_RECORDS")
         known = None if records is None else int(records * image.record_bytes)
         check_end(image.file, image.array.end, image.record_bytes, known)
         stored = read_band(image.file, image.array, band)
@@ -151,6 +152,7 @@ def _describes(label_file: Path, path: Path) -> bool:
 
 def _image(path: Path, label: Mapping[str, Any], label_file: Path) -> _Image:
     """The label's image: the first object IMAGE or QUBE that it points at, else an object whose name ends so."""
+    label = _with_pointer(label)
     names = [str(key) for key, value in label.items() if hasattr(value, "items") and f"^{key}" in label]
     wanted = [name for name in ("IMAGE", *QUBES) if name in names]
     wanted += [name for name in names if name.endswith("_IMAGE") and name not in wanted]
@@ -170,9 +172,19 @@ def _image(path: Path, label: Mapping[str, Any], label_file: Path) -> _Image:
     )
 
 
+def _with_pointer(label: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The label, or the first of its objects FILE (UNCOMPRESSED_FILE ...) that points at an image."""
+    files = [value for key, value in label.items() if str(key).endswith("FILE") and hasattr(value, "items")]
+    return next(
+        (each for each in [label, *files] if any(IMAGE_POINTER.fullmatch(str(key)) for key in each.keys())),  # noqa: SIM118 - pvl iterates over pairs
+        label,
+    )
+
+
 def _place(path: Path, label_file: Path, pointer: Any, record_bytes: int) -> tuple[Path, int]:
     """File and byte (from 0) of a pointer: a record or <BYTES>, both from 1, with or without a file's name."""
-    parts = list(pointer) if isinstance(pointer, (list, tuple)) else [pointer]
+    is_list = isinstance(pointer, (list, tuple)) and not hasattr(pointer, "units")  # a number with a unit is a tuple
+    parts = list(pointer) if is_list else [pointer]
     file = data_beside(label_file, parts.pop(0)) if parts and isinstance(parts[0], str) else label_file
     at = parts[0] if parts else 1
     in_bytes = str(getattr(at, "units", "")).upper().startswith("BYTE")

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from catalog.detached import MAX_LABEL_BYTES, data_beside, label_beside
+from catalog.detached import MAX_LABEL_BYTES, PDS4_SUFFIXES, data_beside, label_beside
 from catalog.errors import RefusedError
 from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
@@ -48,17 +48,13 @@ class Pds4Reader:
         if START.match(head):
             return b"<Product_" in head or b"pds.nasa.gov/pds4" in head
         beside = label_beside(path)
-        return beside is not None and beside.suffix.lower() == ".xml" and _describes(beside, path)
+        return beside is not None and beside.suffix.lower() in PDS4_SUFFIXES and _describes(beside, path)
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
-        """Pixels and metadata of one plane of the label's first array."""
-        label_file = path if path.suffix.lower() == ".xml" else label_beside(path) or path
+        """Pixels and metadata of one plane of the label's first array, or of this file's."""
+        label_file = path if path.suffix.lower() in PDS4_SUFFIXES else label_beside(path) or path
         root = parsed_xml(path, label_file)
-        file, arrays = arrays_of(path, root, label_file)
-        if not arrays:
-            raise unreadable(path, f"the label {label_file.name} describes no image", "Give an image with its label.")
-        for each in arrays:
-            check_array(file, each.raw)
+        arrays = arrays_of(path, root, label_file)
         planes = [(array, band) for array in arrays for band in range(array.raw.bands)]
         several = len(planes) > 1
         names = [
@@ -68,8 +64,11 @@ class Pds4Reader:
         if plane is None and default is None:
             names = names[: arrays[0].raw.bands]
         array, band = planes[chosen_plane(path, names, plane, default)]
-        check_end(file, max(each.raw.end for each in arrays), 1, _file_bytes(root))
-        stored = read_band(file, array.raw, band)
+        same_file = [each.raw for each in arrays if each.file == array.file]
+        for raw in same_file:
+            check_array(array.file, raw)
+        check_end(array.file, max(raw.end for raw in same_file), 1, array.file_bytes)
+        stored = read_band(array.file, array.raw, band)
         offset, factor = array.scaling
         is_plain = (offset, factor) == (0.0, 1.0)
         facts = facts_of_xml(root)
@@ -85,8 +84,11 @@ class Pds4Reader:
 
 @dataclass(frozen=True)
 class Pds4Array:
-    """One array of a label. scaling: offset and factor. constants: of missing and of saturated pixels."""
+    """One array of a label. file_bytes: of its file, as the label gives it. scaling: offset and factor. missing,
+    saturated: constants of such pixels."""
 
+    file: Path
+    file_bytes: int | None
     name: str
     raw: RawArray
     scaling: tuple[float, float]
@@ -116,16 +118,28 @@ def parsed_xml(path: Path, label_file: Path) -> ElementTree.Element:
     return root
 
 
-def arrays_of(path: Path, root: ElementTree.Element, label_file: Path) -> tuple[Path, list[Pds4Array]]:
-    """The first file of the label that has images, and its images."""
-    for area in root.iter():
-        if not area.tag.startswith("File_Area"):
-            continue
+def arrays_of(path: Path, root: ElementTree.Element, label_file: Path) -> list[Pds4Array]:
+    """The label's images, those of the file `path` first; of its other files those that are beside the label."""
+    found: list[Pds4Array] = []
+    others: set[str] = set()
+    for area in (each for each in root.iter() if each.tag.startswith("File_Area")):
         elements = [element for name in ARRAYS for element in area if element.tag == name]
+        others |= {each.tag for each in area if each.tag not in ("File", *ARRAYS)}
         name = _text(area, "File/file_name")
-        if name and (elements or area.find("Encoded_Image") is not None):
-            return data_beside(label_file, name), [_array(path, element) for element in elements]
-    raise unreadable(path, f"the label {label_file.name} describes no image", "Give an image with its label.")
+        if not name or not elements:
+            continue
+        try:
+            file = data_beside(label_file, name)
+        except RefusedError:
+            if found:
+                continue
+            raise
+        found += [_array(path, file, _file_bytes(area), element) for element in elements]
+    if not found:
+        listed = f" (only {', '.join(sorted(others))})" if others else ""
+        fault = f"the label {label_file.name} describes no image{listed}"
+        raise unreadable(path, fault, f"Give an image with its label: {' or '.join(ARRAYS)}.")
+    return sorted(found, key=lambda array: array.file != path)
 
 
 def facts_of_xml(root: ElementTree.Element) -> dict[str, Any]:
@@ -176,7 +190,7 @@ def facts_of_xml(root: ElementTree.Element) -> dict[str, Any]:
 
 def _describes(label_file: Path, path: Path) -> bool:
     try:
-        return arrays_of(path, parsed_xml(path, label_file), label_file)[0] == path
+        return arrays_of(path, parsed_xml(path, label_file), label_file)[0].file == path
     except (RefusedError, OSError):
         return False
 
@@ -195,8 +209,8 @@ def _text(element: ElementTree.Element, place: str) -> str | None:
     return found.strip() if found and found.strip() else None
 
 
-def _file_bytes(root: ElementTree.Element) -> int | None:
-    size = next((number({"size": element.text}, "size") for element in _named(root, "file_size")), None)
+def _file_bytes(area: ElementTree.Element) -> int | None:
+    size = next((number({"size": element.text}, "size") for element in _named(area, "file_size")), None)
     return None if size is None else int(size)
 
 
@@ -207,7 +221,7 @@ def _whole(path: Path, element: ElementTree.Element, place: str) -> int:
     return int(value)
 
 
-def _array(path: Path, element: ElementTree.Element) -> Pds4Array:
+def _array(path: Path, file: Path, file_bytes: int | None, element: ElementTree.Element) -> Pds4Array:
     axes = sorted(element.findall("Axis_Array"), key=lambda axis: _whole(path, axis, "sequence_number"))
     sizes = [_whole(path, axis, "elements") for axis in axes]
     labels = [(_text(axis, "axis_name") or "").lower() for axis in axes]
@@ -224,6 +238,8 @@ def _array(path: Path, element: ElementTree.Element) -> Pds4Array:
     constants = element.find("Special_Constants")
     special = {each.tag: (each.text or "").strip() for each in constants} if constants is not None else {}
     return Pds4Array(
+        file=file,
+        file_bytes=file_bytes,
         name=_text(element, "local_identifier") or _text(element, "name") or "",
         raw=RawArray(
             offset=_whole(path, element, "offset"),

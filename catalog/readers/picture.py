@@ -1,4 +1,5 @@
-"""Reader of PNG (1 to 16 bit) and JPEG pictures. They bring no metadata. Colours become grey, with a remark.
+"""Reader of PNG (1 to 16 bit) and JPEG pictures. They bring no metadata, but that EXIF may say
+where the first line is. Colours become grey, with a remark.
 
 TIFF: `catalog.readers.tiff`.
 """
@@ -16,6 +17,7 @@ from catalog.observation import Quality
 from catalog.readers.bands import chosen_plane
 from catalog.readers.grey import grey_of_colours
 from catalog.readers.reading import MAX_PIXELS, Reading, checked_shape, unreadable
+from catalog.readers.tiff import ORIENTATION_TAG, upright
 from catalog.reasons import Reason
 from catalog.regular_file import open_regular, read_regular
 
@@ -48,6 +50,7 @@ class PictureReader:
                 with open_regular(path) as file, Image.open(file, formats=("PNG", "JPEG")) as picture:
                     is_lossy = picture.format != "PNG"
                     pixels, quality, remarks = _pixels(path, picture, plane)
+                    turn = int(picture.getexif().get(ORIENTATION_TAG, 1))
         except Image.DecompressionBombError as error:
             remedy = f"Frames up to {MAX_PIXELS} pixels are read; cut the picture."
             raise RefusedError(Reason.IMAGE_TOO_LARGE, f"image {path}: {error}", remedy) from error
@@ -55,8 +58,8 @@ class PictureReader:
             raise unreadable(path, f"no sound picture ({error})") from error
         return Reading(
             format="picture",
-            image=pixels,
-            quality=quality,
+            image=upright(pixels, turn),
+            quality=None if quality is None else upright(quality, turn),
             raw_dn=pixels.dtype.kind in "iu",
             remarks=(*remarks, *([LOSSY] if is_lossy else [])),
             flags_from="its transparency",
@@ -73,7 +76,9 @@ def _pixels(
     if picture.mode in GREY_MODES:
         if plane is not None:
             chosen_plane(path, ["grey"], plane)
-        return _grey_pixels(path, picture), None, ()
+        grey = _grey_pixels(path, picture)
+        see_through = picture.info.get("transparency")  # of a grey PNG: one grey
+        return grey, _hidden(grey != see_through) if isinstance(see_through, int) else None, ()
     if picture.mode not in COLOUR_MODES:
         fault = f"image {path}: a picture of mode {picture.mode} is neither grey nor red, green, blue."
         raise RefusedError(Reason.IMAGE_COLOUR, fault, "Give one grey channel, 8 or 16 bit, or a TIFF.")
@@ -82,8 +87,11 @@ def _pixels(
     colours = channels[..., : channels.shape[2] - (opaque is not None)]
     names = ("grey",) if colours.shape[2] == 1 else ("red", "green", "blue")
     grey, remarks = grey_of_colours(path, colours, plane, names)
-    hidden = None if opaque is None or opaque.all() else np.where(opaque, 0, int(Quality.MISSING)).astype(np.uint16)
-    return grey, hidden, remarks
+    return grey, None if opaque is None else _hidden(opaque), remarks
+
+
+def _hidden(opaque: NDArray[np.bool_]) -> NDArray[np.uint16] | None:
+    return None if opaque.all() else np.where(opaque, 0, int(Quality.MISSING)).astype(np.uint16)
 
 
 def _is_deep(path: Path) -> bool:

@@ -16,7 +16,7 @@ from catalog.readers.reading import MAX_PIXELS, bytes_at, checked_shape, unreada
 Order = Literal["band", "line", "sample"]
 MAX_BANDS = 10_000
 DISK_BLOCK_BYTES = 512
-END_OF_LINE = (b"\n", b"\r", b"\x1a")  # what editors and transfers add to a file
+ENDS_OF_LINE = (b"\r\n", b"\n", b"\r", b"\x1a")  # what editors and transfers add to a file
 VAX_KINDS = {"vax-f": 4, "vax-d": 8}  # numbers that numpy does not know
 
 
@@ -143,14 +143,21 @@ def check_end(path: Path, end: int, record_bytes: int = 1, known_bytes: int | No
     """Refuse a file in which bytes were lost or put in, so that the picture is shifted. end: where the last thing that
     the label places ends. known_bytes: the file's size as the label gives it.
 
-    A file of the size in the label is sound, also with one byte more (an end of line that was added), and so is one
-    that ends with its last thing, at a disk block, or after whole records.
+    A file of the size in the label is sound, also with an end of line that was added, and so is one that ends with its
+    last thing, at a disk block, or after whole records.
     """
     size = path.stat().st_size
-    added = size > end and bytes_at(path, size - 1, 1, "its end") in END_OF_LINE
+    added = added_end_of_line(path, end)
     if any(_is_sound(whole, end, record_bytes, known_bytes) for whole in (size, size - added)):
         return
     raise unreadable(path, f"what its label places should end at byte {end} of {size}: bytes were lost or put in")
+
+
+def added_end_of_line(path: Path, end: int) -> int:
+    """Bytes of the end of line with which a file ends, 0 where it has none behind byte `end`."""
+    size = path.stat().st_size
+    tail = bytes_at(path, max(size - 2, end), min(2, size - end), "its end") if size > end else b""
+    return next((len(mark) for mark in ENDS_OF_LINE if tail.endswith(mark)), 0)
 
 
 def _is_sound(size: int, end: int, record_bytes: int, known_bytes: int | None) -> bool:

@@ -70,8 +70,8 @@ class TiffReader:
         turn = tags.get(ORIENTATION_TAG, 1)
         return Reading(
             format="picture",
-            image=_upright(pixels, turn),
-            quality=_upright(quality, turn),
+            image=upright(pixels, turn),
+            quality=upright(quality, turn),
             raw_dn=pixels.dtype.kind in "iu",
             remarks=remarks,
         )
@@ -197,7 +197,7 @@ def _page(
     return tags, picture, band
 
 
-def _upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
+def upright(values: NDArray[Any], orientation: int) -> NDArray[Any]:
     """The picture with its first line on top and its first sample on the left."""
     if 5 <= orientation <= 8:
         values = values.T

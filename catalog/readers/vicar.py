@@ -30,8 +30,8 @@ class VicarReader:
         """A VICAR file begins with LBLSIZE=."""
         return LABEL_START.match(head) is not None
 
-    def read(self, path: Path, plane: str | None = None) -> Reading:  # noqa: ARG002
+    def read(self, path: Path, plane: str | None = None) -> Reading:
         """Pixels and metadata of a VICAR image."""
-        label, pixels = read_vicar(path)
+        label, pixels = read_vicar(path, plane)
         dialect = next(dialect for dialect in DIALECTS if dialect.matches(label))
         return dialect.reading(path, label, pixels)

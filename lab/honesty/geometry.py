@@ -121,6 +121,7 @@ def planted_errors(scene: Scene) -> dict[str, Any]:
     if scene.orientation_deg is not None:
         axis = random.normal(size=3)
         attitude = axis / np.linalg.norm(axis) * scene.orientation_deg
+    attitude = attitude + np.array([0.0, 0.0, scene.late_deg])
     return {
         "offset_px": [length * np.cos(angle), length * np.sin(angle)],
         "roll_deg": cut_normal(random, ROLL_SIGMA_DEG),

@@ -21,6 +21,7 @@ from lab.honesty.geometry import (
     true_geometry,
 )
 from lab.honesty.optics import Blur, Detector, bending, blurred
+from lab.honesty.recording import Recorded, spoiled
 from lab.honesty.scene import LENSES, Other, Scene
 from lab.honesty.solids import (
     Relief,
@@ -70,7 +71,7 @@ def target_solid(scene: Scene, true: Geometry) -> tuple[Solid, dict[str, Any]]:
     frame_deg = random.normal(size=3) * target.expected_map_frame_deg(len(texture))
     solid = Solid(
         true.target_from_spacecraft_km,
-        np.asarray(target.radii_km) * (1 + radius_error),
+        np.asarray(target.radii_km) * np.asarray(scene.radii) * (1 + radius_error),
         true.body_from_j2000,
         scene.law,
         scene.parameters,
@@ -163,8 +164,8 @@ def light_of(scene: Scene, true: Geometry) -> tuple[Array, dict[str, Any]]:
     return frame, differs | {"smear_deg": blur.smear_deg}
 
 
-def expose(scene: Scene, light: Array) -> NDArray[np.int16]:
-    """The file's picture."""
+def expose(scene: Scene, light: Array, place: Array) -> NDArray[np.int16]:
+    """The file's picture. place: (x, y) of the target's centre in it, before it is mirrored or turned."""
     lens = LENSES[scene.lens]
     detector = Detector(
         scene.exposure * lens.full_dn,
@@ -176,6 +177,11 @@ def expose(scene: Scene, light: Array) -> NDArray[np.int16]:
         hot=scene.hot,
     )
     raw = detector.expose(light, random_of(scene, 6))
+    if scene.fault:
+        where = (float(place[0]), float(place[1]))
+        random = random_of(scene, 9)
+        seen = Recorded(raw.astype(np.float64), scene.fault_size, lens.full_dn, where, scene.radius_px, random)
+        raw = spoiled(seen, scene.fault)
     if scene.picture.startswith("mirrored"):
         return np.ascontiguousarray(np.flip(raw, axis={"mirrored-x": 1, "mirrored-y": 0}[scene.picture]))
     quarters = {"as-is": 0, "turned-90": 1, "turned-180": 2}[scene.picture]
@@ -195,7 +201,7 @@ def write_scene(scene: Scene, folder: Path) -> tuple[Files, dict[str, Any]]:
     files = Files(
         folder / f"{scene.id}.fits", folder / f"{scene.id}.toml", folder / f"{scene.id}.json", given_map(scene, folder)
     )
-    fits.writeto(files.image, expose(scene, light), overwrite=True)
+    fits.writeto(files.image, expose(scene, light, true.place_px()), overwrite=True)
     files.camera.write_text(camera_text(scene, predicted))
     stated = {"errors": scene.stated_errors} if scene.stated_errors else {}
     files.pose.write_text(json.dumps(predicted.pose() | stated))

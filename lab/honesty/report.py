@@ -149,9 +149,13 @@ def planted(row: Row) -> str:
         "distortion_px": "distortion {:.1f} px",
         "focal_error": "focal length {:+.4f}",
         "relief": "relief {:.3f}",
+        "late_deg": "time late by {:.1f} deg",
         "moffat": "Moffat {:.1f}",
     }
     words += [text.format(scene[name]) for name, text in special.items() if scene[name]]
+    words += [f"{scene['fault']} {scene['fault_size']:g}"] if scene.get("fault") else []
+    words += [f"radii x {tuple(scene['radii'])}"] if set(scene.get("radii", (1,))) != {1} else []
+    words += [f"map contrast {scene['map_contrast']:.1f}"] if not 0.5 <= scene["map_contrast"] <= 1.5 else []
     words += [f"gamma {scene['gamma']:.1f}"] if scene["gamma"] != 1 else []
     words += [f"exposure {scene['exposure']:.1f}"] if scene["exposure"] >= 1 else []
     words += [scene["picture"]] if scene["picture"] != "as-is" else []

@@ -28,7 +28,7 @@ SOURCES = (
     "catalog/**/*.toml",
     "tasks/**/*.py",
     "flows/*.py",
-    *(f"lab/honesty/{name}.py" for name in ("laws", "solids", "caster", "optics", "geometry", "picture")),
+    *(f"lab/honesty/{name}.py" for name in ("laws", "solids", "caster", "optics", "geometry", "picture", "recording")),
 )
 KEPT = (
     "status",
@@ -45,6 +45,8 @@ KEPT = (
     "pose",
     "seconds",
 )
+# What the joint step found of the image that its pose does not tell.
+SHOWN = ("displacement", "led_by_limb", "detector", "smear", "second_start_px")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -157,8 +159,8 @@ def in_processes(jobs: Sequence[Job], workers: int, minutes: float | None) -> It
 
 def run_scene(job: Job) -> Row:
     """Render one scene and correct it as `planetpose correct` would, without Prefect. The row, plain JSON: id, key,
-    scene, truth, result (`KEPT` keys), covariance (8, 8) of the joint step or None, cpu_s of rendering and
-    correcting."""
+    scene, truth, result (`KEPT` keys), covariance (8, 8) of the joint step or None, shown (`SHOWN` keys of its
+    evidence), cpu_s of rendering and correcting."""
     from lab.honesty.picture import write_scene
 
     shutil.rmtree(job.folder, ignore_errors=True)
@@ -186,6 +188,7 @@ def run_scene(job: Job) -> Row:
     )
     result = one_result(request, Silent(), run_step=run)
     corrected = time.process_time()
+    chain = replayed(request)
     row = {
         "id": job.scene.id,
         "key": job.key,
@@ -193,7 +196,8 @@ def run_scene(job: Job) -> Row:
         "scene": job.scene.to_dict(),
         "truth": truth,
         "result": {name: result[name] for name in KEPT},
-        "covariance": covariance_of(replayed(request)),
+        "covariance": covariance_of(chain),
+        "shown": shown_of(chain),
         "cpu_s": {"render": rendered - started, "correct": corrected - loaded},
     }
     if not job.keep:
@@ -205,3 +209,12 @@ def covariance_of(chain: "Chain") -> Any:
     """The covariance that the last step which tells one has in its evidence."""
     reported = [done.record.result.get("evidence", {}).get("covariance") for done in chain.done.values()]
     return next((matrix for matrix in reversed(reported) if matrix is not None), None)
+
+
+def shown_of(chain: "Chain") -> Any:
+    """What the last joint step has in its evidence of `SHOWN`; None without one."""
+    for done in reversed(chain.done.values()):
+        evidence = done.record.result.get("evidence", {})
+        if "displacement" in evidence:
+            return {name: evidence[name] for name in SHOWN}
+    return None

@@ -59,7 +59,9 @@ class Scene:
     map_noise, map_contrast: see `solids.with_map_errors`. orientation_deg: planted turn of the body about a random
     axis; None draws it, as range and pointing are. metadata: `good` or `rough`, what their errors are drawn from.
     sun_off_deg: how far the metadata's Sun is off. picture: `as-is`, `mirrored-x`, `mirrored-y`, `turned-90`,
-    `turned-180`. exposure: peak over full well. same_range: of a wrong target: metadata with its true range.
+    `turned-180`. exposure: peak over full well. same_range: of a wrong target: metadata with its true range. fault,
+    fault_size: what spoils the picture on its way into the file (`recording.FAULTS`), and how strongly. radii: the
+    body's three over those of its file. late_deg: how far a wrong time turns the body about its pole.
     """
 
     id: str
@@ -98,6 +100,10 @@ class Scene:
     same_range: bool = False
     hold: tuple[str, ...] = ()
     others: tuple[Other, ...] = ()
+    fault: str | None = None
+    fault_size: float = 0.0
+    radii: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    late_deg: float = 0.0
 
     @property
     def stated_target(self) -> str:
@@ -136,21 +142,30 @@ class Scene:
         """Whether an estimator must say `ok`, by a rule that knows the scene but no result: a lit disk of 12 px radius
         or more, phase angle at most 130 deg, half of it in the frame, metadata within 2 sigmas of their priors,
         optics within what cameras differ by (PSF 0.6-1.6 of the nominal width, an axis ratio of 1.25, wings), a
-        detector linear to 5 %, at most a fiftieth of the disk saturated, the relief of a round body, a map of the body
-        that is right to 10 %, or none, and the pose file says so; no other body on the disk or at its limb."""
+        detector linear to 5 %, at most a fiftieth of the disk saturated, nothing lost or added on the way to the file,
+        the radii of the file, the relief of a round body, a map of the body that is right to 10 % and has half to one
+        and a half of the contrast, or none, and the pose file says so; no other body on the disk or at its limb."""
         metadata = (
             not self.is_foreign
             and self.picture == "as-is"
             and self.sun_off_deg <= 3
             and (self.orientation_deg is None or self.orientation_deg <= CUT_SIGMAS * ATTITUDE_SIGMA_DEG)
             and self.focal_error == 0
+            and abs(self.late_deg) <= 1
+            and self.radii == (1.0, 1.0, 1.0)
         )
         picture = self.radius_px >= 12 and self.phase_deg <= 130 and self.in_frame >= 0.5 and self.hot <= 1e-4
-        picture = picture and self.exposure <= 1.02 and self.noise_factor <= 4 and abs(self.gamma - 1) <= 0.05
+        picture = (
+            picture
+            and self.fault is None
+            and self.exposure <= 1.02
+            and self.noise_factor <= 4
+            and abs(self.gamma - 1) <= 0.05
+        )
         optics = self.smear_px <= 1 and self.blur_px is None and self.distortion_px <= 0.05
         optics = optics and 0.6 <= self.psf_factor <= 1.6 and self.ratio <= 1.25
         body = self.relief <= 0.003 and self.given in ("none", self.surface)
-        body = body and self.map_noise <= 0.1
+        body = body and self.map_noise <= 0.1 and 0.5 <= self.map_contrast <= 1.5
         return metadata and picture and optics and body and all(o.kind == "beside" and o.apart > 2 for o in self.others)
 
     @property

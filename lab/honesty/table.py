@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from lab.honesty import table_contradictions, table_pictures  # noqa: F401  they register their groups
+from lab.honesty import table_contradictions, table_pictures, table_recording  # noqa: F401  they register their groups
 from lab.honesty.scene import MASTER_SEED, Scene
 from lab.honesty.table_surfaces import GROUPS
 

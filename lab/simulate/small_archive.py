@@ -5,13 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from catalog.basemap import map_of_target
 from catalog.camera import read_camera_file
 from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
-from tasks.simulate import Scene
-from tasks.simulate.window import Window
+from lab.simulate.independent import independent_image
 
 CAMERA = """name = "small"
 size_px = [72, 64]
@@ -69,6 +67,5 @@ def true_pose() -> Pose:
 
 def clean_image(camera_file: Path, pose: Pose) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
     """The image without noise (ny, nx), DN."""
-    camera, target = read_camera_file(camera_file), find_target("europa")
-    clean = Scene(camera, target, map_of_target(target)).render(pose, Window(0, 0, *camera.size_px)).image()
+    clean = independent_image(read_camera_file(camera_file), find_target("europa"), pose)
     return np.asarray(SKY_DN + PEAK_DN * clean / clean.max(), dtype=np.float64)

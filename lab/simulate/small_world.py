@@ -1,4 +1,5 @@
-"""A small made-up world with known truth: one camera, Europa, and images rendered from a true pose.
+"""A small made-up world with known truth: one camera, Europa, and images rendered from a true pose by a renderer that
+shares no code with the estimator's (`lab.simulate.independent`).
 
 The paper's table 1 is repeated in it, and the tests with planted truth live in it. Needs no files but the packaged map.
 """
@@ -11,20 +12,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from catalog.basemap import BaseMap, map_of_target
 from catalog.camera import Camera
-from catalog.observation import Observation
+from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
+from lab.simulate.independent import independent_image
 from tasks.simulate import Scene, SceneSettings
-from tasks.simulate.window import Window
 
 EUROPA = find_target("europa")
 RANGE_KM = 1.0e6
 BODY_FROM_J2000 = rotation_from_vector_deg([20, 30, 40])
 CAMERA_FROM_J2000 = rotation_from_vector_deg([-15, 65, 25])
 PEAK_DN, SKY_DN, NOISE_DN = 200.0, 6.0, 1.0
-# A number that the corrections never use: truth and simulation share no sampling.
-TRUTH_OVERSAMPLE = 7
+# What the scene's names of laws are to the ray caster; a mixture has no law of its own.
+LAWS = {"mixture": "lunar-lambert"}
 
 
 def small_camera(diameter_px: float = 160.0, size_px: tuple[int, int] = (224, 208)) -> Camera:
@@ -79,14 +80,16 @@ def scene_of(
 
 
 def clean_image(scene: Scene, pose: Pose) -> NDArray[np.float32]:
-    """Noise-free frame (ny, nx), DN."""
-    finer = Scene(
-        scene.camera, scene.target, scene.basemap, scene.settings.model_copy(update={"oversample": TRUTH_OVERSAMPLE})
-    )
-    window = finer.window(pose)
-    bright = finer.render(pose, window).image()
-    frame = Window(0, 0, *scene.camera.size_px).moved(-window.x0, -window.y0).crop(bright)
-    return SKY_DN + PEAK_DN / np.float32(np.percentile(bright, 99)) * frame
+    """Noise-free frame (ny, nx), DN, of what the camera of `scene` sees at `pose`, by the law of its settings and
+    another renderer than the scene's."""
+    law = scene.settings.photometry
+    return image_by_laws(scene, pose, {LAWS.get(law, law): 1.0})
+
+
+def image_by_laws(scene: Scene, pose: Pose, laws: dict[str, float]) -> NDArray[np.float32]:
+    """The same by a sum of laws of `lab.honesty.laws`, each with a weight."""
+    bright = independent_image(scene.camera, scene.target, pose, laws, scene.basemap, scene.psf_sigma_px)
+    return (SKY_DN + PEAK_DN * bright).astype(np.float32)
 
 
 def observed(image: NDArray, noise_dn: float = NOISE_DN, seed: int = 1) -> Observation:
@@ -100,3 +103,10 @@ def observed(image: NDArray, noise_dn: float = NOISE_DN, seed: int = 1) -> Obser
 def observation_of(scene: Scene, pose: Pose, noise_dn: float = NOISE_DN, seed: int = 1) -> Observation:
     """What the camera of `scene` saw at the true `pose`."""
     return observed(clean_image(scene, pose), noise_dn, seed)
+
+
+def flagged(observation: Observation, where: NDArray[np.bool_], value: float = np.nan) -> Observation:
+    """Copy with the pixels `where` (ny, nx) set to `value` and flagged MISSING."""
+    image = np.where(where, np.float32(value), observation.image)
+    quality = np.where(where, np.uint16(Quality.MISSING), observation.quality)
+    return Observation(image, observation.noise, quality.astype(np.uint16))

@@ -13,6 +13,11 @@ from tasks.export.source import Source
 from tasks.project.points import surface_points
 
 STEP_DEG = 1.0
+# Latitudes from the north and longitudes from -180 of the cells that footprints are made of, degrees.
+CELL_CENTRES = (
+    90 - STEP_DEG * (np.arange(round(180 / STEP_DEG)) + 0.5),
+    -180 + STEP_DEG * (np.arange(round(360 / STEP_DEG)) + 0.5),
+)
 
 
 @dataclass(frozen=True)
@@ -34,11 +39,7 @@ def footprint(source: Source) -> tuple[dict[str, Any], list[float], View]:
     """GeoJSON MultiPolygon, its box (west, south, east, north), and the view. Longitudes run from -180 to 180, east
     positive; the outline follows whole degrees, so poles and the antimeridian need no care. Raises RefusedError when
     the image shows nothing of the body."""
-    from affine import Affine
-    from rasterio.features import shapes
-
-    latitude = 90 - STEP_DEG * (np.arange(round(180 / STEP_DEG)) + 0.5)
-    longitude = -180 + STEP_DEG * (np.arange(round(360 / STEP_DEG)) + 0.5)
+    latitude, longitude = CELL_CENTRES
     longitudes, latitudes = np.meshgrid(longitude, latitude)
     seen = seen_places(source, latitudes, longitudes, MAX_EMISSION_DEG)
     mask = np.isfinite(seen["emission"])
@@ -48,13 +49,21 @@ def footprint(source: Source) -> tuple[dict[str, Any], list[float], View]:
             f"{source.product} shows nothing of {source.target.name}.",
             "`planetpose show` draws what it shows.",
         )
+    geometry, box = geometry_of(mask)
+    row, column = np.unravel_index(np.nanargmin(np.where(mask, seen["emission"], np.nan)), mask.shape)
+    return geometry, box, view_at(source, float(latitude[row]), float(longitude[column]), seen, (int(row), int(column)))
+
+
+def geometry_of(mask: NDArray[np.bool_]) -> tuple[dict[str, Any], list[float]]:
+    """GeoJSON MultiPolygon of the marked cells (CELL_CENTRES), and its box (west, south, east, north)."""
+    from affine import Affine
+    from rasterio.features import shapes
+
     transform = Affine(STEP_DEG, 0, -180, 0, -STEP_DEG, 90)
     found = [shape for shape, value in shapes(mask.astype(np.uint8), mask=mask, transform=transform) if value]
     corners = np.concatenate([np.asarray(ring) for shape in found for ring in shape["coordinates"]])
-    geometry = {"type": "MultiPolygon", "coordinates": [_lists(shape["coordinates"]) for shape in found]}
     box = [float(value) for value in (*corners.min(axis=0), *corners.max(axis=0))]
-    row, column = np.unravel_index(np.nanargmin(np.where(mask, seen["emission"], np.nan)), mask.shape)
-    return geometry, box, view_at(source, float(latitude[row]), float(longitude[column]), seen, (int(row), int(column)))
+    return {"type": "MultiPolygon", "coordinates": [_lists(shape["coordinates"]) for shape in found]}, box
 
 
 def view_at(

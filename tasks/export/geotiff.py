@@ -6,40 +6,30 @@ from typing import Any
 import numpy as np
 
 from tasks.atomic import file_put_in_place
+from tasks.export.cog import BLOCK_PX, write_cog
 from tasks.export.map_image import LAYERS, MapImage
 from tasks.export.source import Source
 from tasks.publish.variables import FLAGS
 
-BLOCK_PX = 256
 DEGREE = "degree"
 WITHOUT_UNIT = ("image", "quality")
+NOT_AVERAGED = ("longitude", "quality")  # longitude begins again at 0; quality is bits
 
 
 def write_geotiff(source: Source, mapped: MapImage, path: Path, cloud_optimized: bool = False) -> Path:
     """Write one float32 band per layer, named, with NaN as nodata and the body's CRS, and return `path`.
     cloud_optimized: tiles and overviews in the order that readers over HTTP want."""
     import rasterio
-    from rasterio.io import MemoryFile
-    from rasterio.shutil import copy
+
+    def fill(file: Any) -> None:
+        _fill(file, source, mapped)
 
     profile = map_profile(mapped)
+    if cloud_optimized:
+        return write_cog(path, profile, fill, [LAYERS.index(name) + 1 for name in NOT_AVERAGED])
     tiled = {"tiled": True, "blockxsize": BLOCK_PX, "blockysize": BLOCK_PX, "compress": "deflate", "predictor": 3}
-    with file_put_in_place(path) as temporary:
-        if not cloud_optimized:
-            with rasterio.open(temporary, "w", **profile, **tiled) as file:
-                _fill(file, source, mapped)
-            return path
-        with MemoryFile() as memory:
-            with memory.open(**profile) as file:
-                _fill(file, source, mapped)
-            options = {
-                "blocksize": BLOCK_PX,
-                "compress": "deflate",
-                "predictor": "yes",
-                "overview_resampling": "average",
-            }
-            with memory.open() as file:
-                copy(file, str(temporary), driver="COG", **options)
+    with file_put_in_place(path) as temporary, rasterio.open(temporary, "w", **profile, **tiled) as file:
+        fill(file)
     return path
 
 

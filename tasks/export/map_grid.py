@@ -170,14 +170,16 @@ def _equirectangular(central_longitude_deg: float):  # type: ignore[no-untyped-d
     from pyproj.crs.coordinate_operation import EquidistantCylindricalConversion
 
     return EquidistantCylindricalConversion(
-        latitude_first_parallel=0.0, longitude_natural_origin=_signed(central_longitude_deg)
+        latitude_first_parallel=0.0, longitude_natural_origin=signed_deg(central_longitude_deg)
     )
 
 
 def _orthographic(latitude_deg: float, longitude_deg: float):  # type: ignore[no-untyped-def]
     from pyproj.crs.coordinate_operation import OrthographicConversion
 
-    return OrthographicConversion(latitude_natural_origin=latitude_deg, longitude_natural_origin=_signed(longitude_deg))
+    return OrthographicConversion(
+        latitude_natural_origin=latitude_deg, longitude_natural_origin=signed_deg(longitude_deg)
+    )
 
 
 def _polar(latitude_deg: float, longitude_deg: float):  # type: ignore[no-untyped-def]
@@ -185,10 +187,12 @@ def _polar(latitude_deg: float, longitude_deg: float):  # type: ignore[no-untype
 
     pole = 90.0 if latitude_deg >= 0 else -90.0
     return PolarStereographicAConversion(
-        latitude_natural_origin=pole, longitude_natural_origin=_signed(longitude_deg), scale_factor_natural_origin=1.0
+        latitude_natural_origin=pole,
+        longitude_natural_origin=signed_deg(longitude_deg),
+        scale_factor_natural_origin=1.0,
     )
 
 
-def _signed(longitude_deg: float) -> float:
+def signed_deg(longitude_deg: float) -> float:
     """The same longitude in (-180, 180]."""
     return 180.0 - (180.0 - longitude_deg) % 360.0

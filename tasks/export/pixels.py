@@ -10,6 +10,7 @@ from catalog.errors import RefusedError
 from catalog.observation import UNUSABLE, Quality
 from catalog.reasons import Reason
 from tasks.atomic import file_put_in_place
+from tasks.export.outlines import Outline
 from tasks.export.source import Source
 
 if TYPE_CHECKING:
@@ -26,13 +27,14 @@ DIGITS = "%.7g"
 @dataclass(frozen=True)
 class Selection:
     """Which pixels: inclusive limits in degrees. longitude_deg may run through 0: (350, 10). With `every_flag` pixels
-    are kept whatever their flags say, as long as they see the body."""
+    are kept whatever their flags say, as long as they see the body. outline: which of them, beside those limits."""
 
     latitude_deg: tuple[float, float] = (-90.0, 90.0)
     longitude_deg: tuple[float, float] = (0.0, 360.0)
     max_incidence_deg: float = 90.0
     max_emission_deg: float = 90.0
     every_flag: bool = False
+    outline: Outline | None = None
 
 
 def pixel_table(source: Source, selection: Selection | None = None) -> "pd.DataFrame":
@@ -52,6 +54,9 @@ def pixel_table(source: Source, selection: Selection | None = None) -> "pd.DataF
         kept &= chosen.every_flag | (cube["incidence"].values <= chosen.max_incidence_deg)
         kept &= cube["emission"].values <= chosen.max_emission_deg
     y, x = np.nonzero(kept)
+    if chosen.outline is not None:
+        inside = chosen.outline.contains(latitude[y, x], longitude[y, x])
+        y, x = y[inside], x[inside]
     columns = {name: cube[name].values[y, x] for name in PLANES}
     table = pd.DataFrame({"product": source.product, "x": x.astype(np.int32), "y": y.astype(np.int32), **columns})
     return table.astype({"product": "category"})

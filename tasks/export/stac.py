@@ -75,7 +75,7 @@ def stac_item(source: Source, exported: Mapping[str, Path], grid: MapGrid | None
         asset = _asset(path, ["data"], COG_TYPE if kind == "cog" else None)
         item.add_asset(kind, asset)
         if grid is not None and kind in MAPS:
-            _describe_map(asset, grid)
+            asset.extra_fields |= grid_fields(grid)
     return item
 
 
@@ -85,11 +85,11 @@ def _asset(path: Path, roles: list[str], media_type: str | None = None) -> "pyst
     return pystac.Asset(str(path.resolve()), media_type=media_type or MEDIA_TYPES.get(path.suffix), roles=roles)
 
 
-def _describe_map(asset: "pystac.Asset", grid: MapGrid) -> None:
-    """Projection fields of one asset, as the extension spells them."""
+def grid_fields(grid: MapGrid) -> dict[str, Any]:
+    """Projection fields of one asset that holds a map, as the extension spells them."""
     crs, transform = grid.projection.crs, grid.transform
     x0, y1 = grid.x0_m, grid.y0_m
-    asset.extra_fields |= {
+    return {
         "proj:code": None,
         "proj:wkt2": crs.to_wkt("WKT2_2019"),
         "proj:projjson": crs.to_json_dict(),

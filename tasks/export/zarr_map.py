@@ -46,6 +46,7 @@ def write_zarr_map(source: Source, mapped: MapImage, path: Path) -> Path:
     whole = tuple(chunk * -(-n // chunk) for chunk, n in zip(chunks, mapped.grid.shape, strict=True))
     form = {"chunks": chunks, "shards": whole, "compressors": [compressor()]}
     encoding: dict[str, dict[str, Any]] = {name: dict(form) for name in LAYERS}
+    encoding |= {axis: {"_FillValue": None} for axis in ("x", "y")}  # CF 2.5.1: coordinates have no missing values
     with folder_put_in_place(path) as temporary:
         temporary.rmdir()
         write_group(map_dataset(source, mapped), temporary, encoding)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.compiled import compiled
 from tasks.initial_pose.edges import Edges, values_at
 from tasks.initial_pose.settings import LimbSearchSettings
 
@@ -18,7 +19,9 @@ BESIDE_PX, NEARER_PX = 5.0, 2.0
 LARGEST_SHARE = 4.0
 # Edges cover at least this share of the arc that the limb must have: through less, straight lines are circles, too.
 ARC_SHARE = 0.7
-CHUNK, BEST = 200, 40
+# Fewer edges on a circle are none of a limb.
+LEAST_EDGES = 6
+BEST = 40
 # A second disk counts where so many degrees of it are its own.
 SAME_DISK_SHARE = 0.3
 # Of a disk that is certainly another: how much of the best one it may cover, and its least score, as shares of its.
@@ -59,12 +62,7 @@ def find_disks(edges: Edges, settings: LimbSearchSettings, radius_px: float | No
     if not len(circles):
         return []
     least_deg = ARC_SHARE * settings.known_arc_deg
-    scores = np.array([0.0] * len(circles))
-    for first in range(0, len(circles), CHUNK):
-        part = circles[first : first + CHUNK]
-        scores[first : first + CHUNK] = [
-            limb_length(circle, xy, inward, weight, least_deg, settings) for circle in part
-        ]
+    scores = np.array([limb_length(circle, xy, inward, weight, least_deg, settings) for circle in circles])
     found: list[Disk] = []
     order = np.argsort(-scores)
     for index in [*order[:BEST], *elsewhere(circles, scores, order[BEST:])]:
@@ -139,25 +137,29 @@ def limb_length(
 ) -> float:
     """Length of the circle that edges cover, pixels, each part by the weight of its strongest edge; 0 where they cover
     less than least_deg of it."""
-    centre, radius = circle[:2], circle[2]
-    away = xy - centre
-    distance = np.linalg.norm(away, axis=1)
-    tolerance = max(settings.tolerance_px, settings.tolerance_share * radius)
-    on = np.abs(distance - radius) < tolerance
-    if on.sum() < 6:
-        return 0.0
-    away, distance = away[on], np.maximum(distance[on], 1e-9)
-    radial = -(away * inward[on]).sum(axis=1) / distance > RADIAL_COSINE
-    if radial.sum() < 6:
-        return 0.0
-    away, value = away[radial], weight[on][radial]
-    bins = int(np.clip(2 * np.pi * radius / 3, 12, 720))
-    place = ((np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5) * bins).astype(int) % bins
+    tolerance = max(settings.tolerance_px, settings.tolerance_share * float(circle[2]))
+    return float(covered_px(circle, xy, inward, weight, least_deg, tolerance))
+
+
+@compiled
+def covered_px(circle: Array, xy: Array, inward: Array, weight: Array, least_deg: float, tolerance_px: float) -> float:
+    """What `limb_length` says, of the edges within tolerance_px of the circle that point to its centre."""
+    radius = circle[2]
+    bins = min(max(int(2 * np.pi * radius / 3), 12), 720)
     best = np.zeros(bins)
-    np.maximum.at(best, place, value)
-    if np.count_nonzero(best) * 360 / bins < least_deg:
+    radial = 0
+    for k in range(len(xy)):
+        x, y = xy[k, 0] - circle[0], xy[k, 1] - circle[1]
+        distance = np.sqrt(x * x + y * y)
+        if abs(distance - radius) >= tolerance_px:
+            continue
+        if -(x * inward[k, 0] + y * inward[k, 1]) > RADIAL_COSINE * max(distance, 1e-9):
+            radial += 1
+            place = int((np.arctan2(y, x) / (2 * np.pi) + 0.5) * bins) % bins
+            best[place] = max(best[place], weight[k])
+    if radial < LEAST_EDGES or np.count_nonzero(best) * 360 / bins < least_deg:
         return 0.0
-    return float(best.sum() * 2 * np.pi * radius / bins)
+    return best.sum() * 2 * np.pi * radius / bins
 
 
 def lit_outside(edges: Edges, centre: Array, radius: float) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tasks.compiled import compiled, compiled_reordered
 from tasks.initial_pose.edges import Edges, values_at
 from tasks.initial_pose.limb import Limb, radius_at
 
@@ -16,6 +17,9 @@ ACROSS, REACH = 36, 1.4
 RIM = 0.03
 PHASES_DEG, AZIMUTHS_DEG = np.arange(5.0, 176.0, 10.0), np.arange(0.0, 360.0, 15.0)
 ROUNDS = 7
+LAWS = 4
+# Of the mean square of a law: what keeps two laws that look alike apart.
+RIDGE = 1e-9
 # How many parts of a disk err on their own, by markings and laws.
 INDEPENDENT = 60.0
 # Less of a disk in the frame shows no shading.
@@ -112,20 +116,9 @@ class Samples:
 
     def left_over(self, azimuth_deg: float, phase_deg: float) -> float:
         """Sum of squares that the best mixture of laws of positive weights leaves, with the light from there."""
-        from scipy.optimize import nnls
-
         azimuth, phase = np.radians([azimuth_deg, phase_deg])
-        mu0 = np.sin(phase) * (np.cos(azimuth) * self.u + np.sin(azimuth) * self.v) + np.cos(phase) * self.w
-        mu0 = np.where(self.w > 0, np.maximum(mu0, 0), 0)
-        laws = np.stack([mu0, 2 * mu0 / np.maximum(mu0 + self.w, 1e-6), mu0 * self.w, mu0 * mu0], axis=1)
-        laws = laws - laws.mean(axis=0)
-        normal, right = laws.T @ laws, laws.T @ self.value
-        try:
-            root = np.linalg.cholesky(normal + 1e-9 * np.trace(normal) * np.eye(4) + 1e-12 * np.eye(4))
-        except np.linalg.LinAlgError:
-            return self.total
-        weights = nnls(root.T, np.linalg.solve(root, right))[0]
-        return self.total - float(2 * weights @ right - weights @ normal @ weights)
+        sun = (np.sin(phase) * np.cos(azimuth), np.sin(phase) * np.sin(azimuth), np.cos(phase))
+        return self.total - float(explained_by_laws(self.u, self.v, self.w, self.value, sun))
 
     def sigma(self, azimuth_deg: float, phase_deg: float, least: float, axis: int) -> float:
         """1-sigma, degrees, of azimuth (axis 0) or phase (1): where what is left grows by as much as one of so many
@@ -136,3 +129,70 @@ class Samples:
             if grown > least / INDEPENDENT:
                 return float(step * np.sqrt(least / INDEPENDENT / grown))
         return UNKNOWN_DEG
+
+
+@compiled
+def explained_by_laws(u: Array, v: Array, w: Array, value: Array, sun: tuple[float, float, float]) -> float:
+    """By how much the best mixture of laws of positive weights lowers the sum of squares of `value`, whose mean is 0.
+
+    Of few laws each subset is tried: the best mixture is the least-squares solution of the laws that it has.
+    """
+    normal, right = law_products(u, v, w, value, sun)
+    ridge = RIDGE * np.trace(normal) + 1e-12
+    most = 0.0
+    weights, chosen = np.zeros(LAWS), np.zeros(LAWS, np.int64)
+    rows = np.zeros((LAWS, LAWS + 1))
+    for subset in range(1, 2**LAWS):
+        count = 0
+        for law in range(LAWS):
+            if subset >> law & 1:
+                chosen[count] = law
+                count += 1
+        for i in range(count):
+            for j in range(count):
+                rows[i, j] = normal[chosen[i], chosen[j]]
+            rows[i, i] += ridge
+            rows[i, count] = right[chosen[i]]
+        # Elimination without exchange of rows: the matrix is symmetric and positive.
+        for i in range(count):
+            for k in range(i + 1, count):
+                factor = rows[k, i] / rows[i, i]
+                for j in range(i, count + 1):
+                    rows[k, j] -= factor * rows[i, j]
+        positive, explained = True, 0.0
+        for i in range(count - 1, -1, -1):
+            weights[i] = rows[i, count]
+            for j in range(i + 1, count):
+                weights[i] -= rows[i, j] * weights[j]
+            weights[i] /= rows[i, i]
+            positive = positive and weights[i] > 0
+        for i in range(count):
+            explained += 2 * weights[i] * right[chosen[i]]
+            for j in range(count):
+                explained -= weights[i] * normal[chosen[i], chosen[j]] * weights[j]
+        if positive and explained > most:
+            most = explained
+    return most
+
+
+@compiled_reordered
+def law_products(u: Array, v: Array, w: Array, value: Array, sun: tuple[float, float, float]) -> tuple[Array, Array]:
+    """Products (4, 4) of four laws over the samples, each less its mean, with each other, and with `value` (4,), whose
+    mean is 0: Lambert's mu0, Lommel-Seeliger's 2 mu0 / (mu0 + mu), Minnaert's mu0 mu, and mu0 squared. sun: unit vector
+    of the light along u, v and w."""
+    sums, products, right = np.zeros(LAWS), np.zeros((LAWS, LAWS)), np.zeros(LAWS)
+    laws = np.zeros(LAWS)
+    for k in range(len(w)):
+        mu0 = sun[0] * u[k] + sun[1] * v[k] + sun[2] * w[k]
+        if w[k] > 0 and mu0 > 0:
+            laws[0], laws[1], laws[2], laws[3] = mu0, 2 * mu0 / max(mu0 + w[k], 1e-6), mu0 * w[k], mu0 * mu0
+            for i in range(LAWS):
+                sums[i] += laws[i]
+                right[i] += laws[i] * value[k]
+                for j in range(i + 1):
+                    products[i, j] += laws[i] * laws[j]
+    for i in range(LAWS):
+        for j in range(i + 1):
+            products[i, j] -= sums[i] * sums[j] / len(w)
+            products[j, i] = products[i, j]
+    return products, right

@@ -31,7 +31,7 @@ from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, St
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
 from tasks.joint.roll_by_others import roll_by_others
 from tasks.joint.settings import JointSettings
-from tasks.joint.shape import doubt_of_relief, doubt_of_shape
+from tasks.joint.shape import doubt_of_displacement, doubt_of_relief, doubt_of_shape
 from tasks.joint.thresholds import PyramidThresholds
 from tasks.joint.uncertainty import prior_dominated_directions
 from tasks.point.rotation import is_offset_from, pose_facing
@@ -181,10 +181,14 @@ def as_correction(
 
 def shape_doubt(given: Problem, estimate: Estimate, orientation: Orientation | None) -> str | None:
     """Whether the shape that is shown speaks against the target: that of the limb where markings, which relief
-    displaces, tell the orientation; of limb and shading where none show that it is the body. A target with a shape
-    model is no ellipsoid anyway."""
+    displaces, tell the orientation; of limb and shading where none show that it is the body; and of both where optics
+    do not bend so much. A target with a shape model is no ellipsoid anyway."""
     found, scene, limits = estimate.displacement, given.scene, given.thresholds
-    if scene.target.shape is not None or orientation is None:
+    if scene.target.shape is not None:
+        return None
+    if doubt := doubt_of_displacement(found, given.settings.displaced_px):
+        return doubt
+    if orientation is None:
         return None
     if orientation.markings.verdict == "matched":
         radius = disk_radius_px(estimate.state.pose, scene.camera, scene.target)

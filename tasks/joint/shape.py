@@ -47,6 +47,20 @@ def doubt_of_shape(
     )
 
 
+def doubt_of_displacement(found: Displacement | None, expected_px: float | None) -> str | None:
+    """The doubt that limb and markings raise which lie off by a smooth displacement whose terms are larger than optics
+    are expected to make them, `expected_px` (1-sigma): then something else is wrong, and errors that count it as
+    optics are no measure of it."""
+    if found is None or expected_px is None or found.size_px <= expected_px:
+        return None
+    return (
+        f"{Reason.SHAPE_DISAGREES}: limb and markings lie off smoothly, by {found.size_px:.2f} px per term of a "
+        f"displacement where optics that no file tells of are expected to make {expected_px:g} px "
+        "(joint.displaced_px). Check the target's radii, its orientation, the camera's distortion, and whether pixels "
+        "are square and no lines are missing."
+    )
+
+
 def doubt_of_relief(shown_px: float, radius_px: float, target: Target, limits: ContradictionThresholds) -> str | None:
     """The doubt that a limb raises whose arcs lie off as a whole by `shown_px` (RMS) on a disk of `radius_px`."""
     stated_px = target.expected_relief_km / target.mean_radius_km * radius_px

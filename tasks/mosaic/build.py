@@ -142,7 +142,7 @@ def _make_file(mosaic: Mosaic, band: str, place: Block, side: int, path: Path, b
 def _made_block(mosaic: Mosaic, band: str, block: Block) -> dict[str, NDArray[Any]]:
     """The layers of one block."""
     latitude, longitude = mosaic.grid.places(block)
-    cells = _cells_of(latitude, longitude)
+    cells = cells_of(latitude, longitude)
     numbers = mosaic.numbers_in(band)
     shown = [number for number in numbers if mosaic.members[number].coverage[cells].any()]
     views: list[tuple[int, View]] = [(numbers.index(n), load_view(mosaic.members[n].folder)) for n in shown]
@@ -154,7 +154,8 @@ def _made_block(mosaic: Mosaic, band: str, block: Block) -> dict[str, NDArray[An
     return layers
 
 
-def _cells_of(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
+def cells_of(latitude: NDArray[np.float64], longitude: NDArray[np.float64]) -> tuple[NDArray[np.intp], ...]:
+    """Rows and columns of the cells of `Member.coverage` in which known places lie."""
     rows, columns = COVERAGE_SHAPE
     known = np.isfinite(latitude)
     row = np.clip((90 - latitude[known]) * rows / 180, 0, rows - 1).astype(np.intp)
@@ -166,10 +167,13 @@ def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int, seve
     grid, target = mosaic.grid, mosaic.target
     if grid.equirectangular:
         dims: tuple[str, ...] = ("lat", "lon")
+        north = _axis("latitude", "degrees_north", "planetocentric latitude", "Y")
+        east = _axis("longitude", "degrees_east", "longitude, positive eastward", "X")
         coordinates: dict[str, Any] = {
-            "lat": ("lat", grid.latitude(), _axis("latitude", "degrees_north", "planetocentric latitude", "Y")),
-            "lon": ("lon", grid.longitude(), _axis("longitude", "degrees_east", "longitude, positive eastward", "X")),
+            "lat": ("lat", grid.latitude(), {**north, "bounds": "lat_bnds"}),
+            "lon": ("lon", grid.longitude(), {**east, "bounds": "lon_bnds"}),
         }
+        bounds = {f"{axis}_bnds": ((axis, "bnds"), _bounds(coordinates[axis][1])) for axis in dims}
         crs = crs_attributes(target)
     else:
         dims = ("y", "x")
@@ -177,6 +181,7 @@ def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int, seve
             axis: (axis, values, _axis(f"projection_{axis}_coordinate", "m", f"{axis} of the map", axis.upper()))
             for axis, values in (("y", grid.grid.y_m()), ("x", grid.grid.x_m()))
         }
+        bounds = {}
         crs = dict(grid.grid.projection.crs.to_cf())
     chunks: tuple[int, ...] = tuple(min(side, n) for n in grid.shape)
     shards: tuple[int, ...] = tuple(several * chunk for chunk in chunks)
@@ -188,7 +193,8 @@ def _create(mosaic: Mosaic, path: Path, bands: list[str] | None, side: int, seve
     for band, model in mosaic.models.items():
         numbers = mosaic.numbers_in(band)
         levels[numbers], sigmas[numbers] = model.levels, model.level_sigma
-    extra = {
+    extra: dict[str, Any] = {
+        **bounds,
         GRID_MAPPING: ((), np.int32(0), {**crs, "GeoTransform": transform}),
         "level": ("image", levels, {"long_name": "brightness of an image against the others", "units": "1"}),
         "level_sigma": ("image", sigmas, {"long_name": "1-sigma of level, relative", "units": "1"}),
@@ -201,6 +207,12 @@ def _axis(standard_name: str, units: str, long_name: str, axis: str) -> dict[str
     return {"standard_name": standard_name, "units": units, "long_name": long_name, "axis": axis}
 
 
+def _bounds(centres: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Limits (n, 2) of evenly spaced cells, in the order of their centres."""
+    half = (centres[-1] - centres[0]) / (2 * max(len(centres) - 1, 1))
+    return np.stack([centres - half, centres + half], axis=1)
+
+
 def _attributes(mosaic: Mosaic) -> dict[str, Any]:
     chosen = mosaic.settings
     laws = {
@@ -209,6 +221,7 @@ def _attributes(mosaic: Mosaic) -> dict[str, Any]:
     }
     return {
         "title": f"Normalised reflectance of {mosaic.target.name}",
+        "coordinates": GRID_MAPPING,  # as xarray names coordinates without a dimension: rioxarray looks for it there
         "source": f"planetpose {software_version()}",
         "target": mosaic.target.name,
         "law": chosen.law,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from catalog.target import Target
-from tasks.export.map_grid import MapGrid, grid_of, map_projection
+from tasks.export.map_grid import MapGrid, grid_of, map_projection, signed_deg
 
 Array = NDArray[np.float64]
 Block = tuple[slice, slice]
@@ -22,9 +22,11 @@ BYTES_PER_PIXEL = 44  # of the layers of a finished block
 
 @dataclass(frozen=True)
 class MosaicGrid:
-    """A whole map. The equirectangular one begins at longitude 0 (unless its middle is given) and at the north pole."""
+    """A whole map. The equirectangular one begins at the north pole and at the east longitude `west_deg`: 0 unless its
+    middle is given."""
 
     grid: MapGrid
+    west_deg: float = 0.0
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -51,10 +53,8 @@ class MosaicGrid:
         return np.asarray(90 - (np.arange(self.shape[0]) + 0.5) * 180 / self.shape[0])
 
     def longitude(self) -> Array:
-        """Of the columns of an equirectangular map: east, rising from the left edge."""
-        middle, columns = self.grid.shape[0] // 2, slice(0, self.shape[1])
-        _, longitude = self.places((slice(middle, middle + 1), columns))
-        return np.asarray(longitude[0])
+        """Of the columns of an equirectangular map: east, rising from the left edge, also through 0 or 360."""
+        return np.asarray(self.west_deg + (np.arange(self.shape[1]) + 0.5) * 360 / self.shape[1])
 
     def geo_transform(self) -> tuple[float, ...]:
         """GDAL's six numbers, from column and row to the coordinates of the map: degrees of an equirectangular one,
@@ -62,7 +62,7 @@ class MosaicGrid:
         if not self.equirectangular:
             return tuple(self.grid.transform.to_gdal())
         step = 180 / self.shape[0]
-        return float(self.longitude()[0] - step / 2), step, 0.0, 90.0, 0.0, -step
+        return self.west_deg, step, 0.0, 90.0, 0.0, -step
 
     def blocks(self, side: int) -> Iterator[Block]:
         """All blocks of at most `side` pixels."""
@@ -85,7 +85,7 @@ def mosaic_grid(
     if projection == "equirectangular" and middle_deg is None:
         middle_deg = 180.0
     chosen = map_projection(projection, target, pixel_km, centre_deg, middle_deg)
-    return MosaicGrid(grid_of(chosen, chosen.extent_m))
+    return MosaicGrid(grid_of(chosen, chosen.extent_m), signed_deg(middle_deg or 0.0) - 180.0)
 
 
 def blocks_per_file(shape: tuple[int, int], side: int, memory_mb: float) -> int:

@@ -6,38 +6,40 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.times import utc_from_et
 from tasks.atomic import file_put_in_place
+from tasks.export.cog import write_cog
+from tasks.export.footprint import CELL_CENTRES, geometry_of
 from tasks.export.map_grid import body_crs
-from tasks.export.stac import COG_TYPE, MEDIA_TYPES, SOLAR_SYSTEM, target_class
-from tasks.mosaic.build import Mosaic
-from tasks.mosaic.variables import MAP
-from tasks.publish.cube import open_cube
+from tasks.export.stac import COG_TYPE, MEDIA_TYPES, SOLAR_SYSTEM, grid_fields, target_class
+from tasks.mosaic.build import Mosaic, cells_of
+from tasks.mosaic.variables import INDEX, MAP
+from tasks.publish.cube import open_cube, software_version
 
 if TYPE_CHECKING:
     import xarray as xr
 
-BLOCK_PX = 256
 ROWS_AT_ONCE = 256
+NAMES = [variable.name for variable in MAP]
 
 
 def write_mosaic_cog(mosaic: Mosaic, path: Path, band: int | None = None) -> Path:
     """Write the layers of a mosaic (of its `band`, where it has some) as float32 bands with names and units, NaN as
     nodata; a strip of rows at a time. Returns `path`."""
     import rasterio
-    from rasterio.shutil import copy
     from rasterio.windows import Window
 
     rows, columns = mosaic.grid.shape
     profile: dict[str, Any] = {
         "driver": "GTiff", "count": len(MAP), "dtype": "float32", "height": rows, "width": columns,
         "crs": rasterio.crs.CRS.from_wkt(mosaic.grid.grid.projection.crs.to_wkt("WKT2_2019")),
-        "transform": mosaic.grid.grid.transform, "nodata": float("nan"), "tiled": True, "blockxsize": BLOCK_PX,
-        "blockysize": BLOCK_PX, "BIGTIFF": "IF_SAFER",
+        "transform": mosaic.grid.grid.transform, "nodata": float("nan"),
     }  # fmt: skip
-    with file_put_in_place(path.with_suffix(".plain.tif")) as plain, open_cube(mosaic.path) as cube:
-        with rasterio.open(plain, "w", **profile) as file:
+
+    def fill(file: Any) -> None:
+        with open_cube(mosaic.path) as cube:
             for number, variable in enumerate(MAP, start=1):
                 for top in range(0, rows, ROWS_AT_ONCE):
                     strip = slice(top, min(top + ROWS_AT_ONCE, rows))
@@ -45,31 +47,44 @@ def write_mosaic_cog(mosaic: Mosaic, path: Path, band: int | None = None) -> Pat
                     file.write(_strip(cube, variable.name, strip, band), number, window=window)
                 file.set_band_description(number, variable.name)
                 file.set_band_unit(number, variable.units)
-            file.update_tags(target=mosaic.target.name, law=mosaic.settings.law, reflectance_unit=mosaic.unit)
-        options = {"blocksize": BLOCK_PX, "compress": "deflate", "predictor": "yes", "overview_resampling": "average"}
-        with file_put_in_place(path) as temporary:
-            copy(str(plain), str(temporary), driver="COG", **options)
-    path.with_suffix(".plain.tif").unlink()
-    return path
+        file.update_tags(**_tags(mosaic, band))
+
+    return write_cog(path, profile, fill, [NAMES.index(INDEX) + 1])
+
+
+def _tags(mosaic: Mosaic, band: int | None) -> dict[str, str]:
+    """What a reader of the GeoTIFF alone has to know, as text."""
+    chosen = mosaic.settings
+    tags = {
+        "target": mosaic.target.name,
+        "law": chosen.law,
+        "reflectance_unit": mosaic.unit,
+        "standard_incidence_emission_phase_deg": " ".join(f"{angle:g}" for angle in chosen.standard_deg),
+        "latitude": "planetocentric",
+        "longitude": "positive eastward",
+        "images": " ".join(member.product for member in mosaic.members),
+        "software": f"planetpose {software_version()}",
+    }
+    return tags if band is None else {**tags, "band": sorted(mosaic.models)[band]}
 
 
 def _strip(cube: "xr.Dataset", name: str, rows: slice, band: int | None) -> Any:
     array = cube[name] if band is None else cube[name].isel(band=band)
     values = array[rows].values.astype(np.float32)
-    if name == "image_index":
+    if name == INDEX:
         values[values < 0] = np.nan
     return values
 
 
 def write_mosaic_stac(mosaic: Mosaic, path: Path, cogs: dict[str, Path]) -> Path:
-    """Write a STAC item of the mosaic and its files, and return `path`."""
+    """Write a STAC item of the mosaic and its files, and return `path`. Its outline is what the images may show of the
+    map, in longitudes from -180 to 180, to whole cells of `tasks.export.footprint`."""
     import pystac
     from pystac.extensions.projection import ProjectionExtension
 
     times = sorted(member.utc_et for member in mosaic.members)
     start, end = (_time(et) for et in (times[0], times[-1]))
-    box = [0.0, -90.0, 360.0, 90.0]
-    ring = [[0.0, -90.0], [360.0, -90.0], [360.0, 90.0], [0.0, 90.0], [0.0, -90.0]]
+    geometry, box = geometry_of(_shown(mosaic))
     properties = {
         "title": f"Normalised reflectance of {mosaic.target.name}",
         "start_datetime": start.isoformat(),
@@ -80,17 +95,34 @@ def write_mosaic_stac(mosaic: Mosaic, path: Path, cogs: dict[str, Path]) -> Path
         "planetpose:law": mosaic.settings.law,
         "planetpose:images": [member.product for member in mosaic.members],
     }
-    item = pystac.Item(path.name.split(".")[0], {"type": "Polygon", "coordinates": [ring]}, box, None, properties)
+    item = pystac.Item(path.name.split(".")[0], geometry, box, None, properties)
     item.stac_extensions.append(SOLAR_SYSTEM)
     wkt = body_crs(mosaic.target).to_wkt("WKT2_2019")
     ProjectionExtension.ext(item, add_if_missing=True).apply(epsg=None, wkt2=wkt, bbox=box)
     files = {"zarr": (mosaic.path, MEDIA_TYPES[".zarr"])} | {name: (cog, COG_TYPE) for name, cog in cogs.items()}
     for name, (file, kind) in files.items():
         relative = Path("..") / file.name if path.parent != file.parent else Path(file.name)
-        item.add_asset(name, pystac.Asset(str(relative), media_type=kind, roles=["data"]))
+        asset = pystac.Asset(str(relative), media_type=kind, roles=["data"])
+        if name != "zarr":
+            asset.extra_fields |= {**grid_fields(mosaic.grid.grid), "bands": _bands()}
+        item.add_asset(name, asset)
     with file_put_in_place(path) as temporary:
         temporary.write_text(json.dumps(item.to_dict(include_self_link=False), indent=1) + "\n", encoding="utf-8")
     return path
+
+
+def _bands() -> list[dict[str, Any]]:
+    """The bands of a mosaic's GeoTIFF, in STAC's common fields."""
+    shared = {"data_type": "float32", "nodata": "nan"}
+    return [{"name": each.name, "description": each.long_name, "unit": each.units, **shared} for each in MAP]
+
+
+def _shown(mosaic: Mosaic) -> NDArray[np.bool_]:
+    """Cells (CELL_CENTRES) of the body that an image may show and the map can."""
+    latitude, longitude = np.meshgrid(*CELL_CENTRES, indexing="ij")
+    x, _ = mosaic.grid.grid.projection.map_place(latitude, longitude)
+    covered = np.any([member.coverage for member in mosaic.members], axis=0)
+    return np.isfinite(x) & covered[cells_of(latitude, longitude % 360)].reshape(x.shape)
 
 
 def _time(et: float) -> datetime:

@@ -4,8 +4,12 @@ from dataclasses import replace
 
 from tasks.publish.variables import Variable
 
+INDEX = "image_index"
 MAP = (
-    Variable("reflectance", "float32", "1", "reflectance under the standard geometry", ancillary="sigma count"),
+    Variable(
+        "reflectance", "float32", "1", "reflectance under the standard geometry",
+        ancillary="sigma sigma_noise sigma_pose sigma_photometry count",
+    ),
     Variable(
         "sigma", "float32", "1", "1-sigma of the reflectance", "",
         comment="noise, pose and photometry together; an error that all images share is not in it",
@@ -24,7 +28,7 @@ MAP = (
         (0.0, 1e11), comment="what the reflectance is a mean over where it exceeds the map's own pixel",
     ),
     Variable(
-        "image_index", "int16", "1", "number of the image with the largest weight", "",
+        INDEX, "int16", "1", "number of the image with the largest weight", "",
         comment="from 0, in the order of the attribute products and of the dimension image; -1: none",
     ),
 )  # fmt: skip

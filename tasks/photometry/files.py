@@ -27,6 +27,7 @@ def in_json(result: RegionResult, law: str) -> dict[str, Any]:
         "reason": result.reason,
         "latitude_deg": list(chosen.latitude_deg),
         "longitude_deg": list(chosen.longitude_deg),
+        "outline": chosen.outline.as_geojson() if chosen.outline else None,
         "max_incidence_deg": chosen.max_incidence_deg,
         "max_emission_deg": chosen.max_emission_deg,
         "left_out": [{"product": product, "reason": reason} for product, reason in result.left_out],

@@ -28,7 +28,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Array = NDArray[np.float64]
-TILE_DEG = 10.0
+# Patches of ground whose pixels err together, degrees: of large regions, and at least. A small region is cut into about
+# PATCHES of them: of an area of ten degrees one patch would leave nothing to compare.
+TILE_DEG, LEAST_TILE_DEG = 10.0, 1.0
+PATCHES = 25
 FEWEST_PIXELS = 20
 FEWEST_SKY_PIXELS = 100
 USED = ("ok",)
@@ -108,7 +111,6 @@ def region_pixels(
     selection: Selection,
     max_pixels_per_image: int = 5_000,
     albedo_map: bool = False,
-    tile_deg: float = TILE_DEG,
     attempt: Attempt = lambda folder, gather: gather(),  # noqa: ARG005
 ) -> RegionPixels:
     """Gather the selected, unflagged pixels of all products; of an image with more than `max_pixels_per_image` every
@@ -123,7 +125,7 @@ def region_pixels(
     seen: list[int] = []
     targets: set[str] = set()
     for folder in folders:
-        gathered = attempt(folder, partial(_of_one, folder, selection, max_pixels_per_image, albedo_map, tile_deg))
+        gathered = attempt(folder, partial(_of_one, folder, selection, max_pixels_per_image, albedo_map))
         if gathered is None:
             continue
         targets.add(gathered.target)
@@ -142,11 +144,12 @@ def region_pixels(
             "Widen the region or the limits of the angles.",
         )
     columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    columns["tile"] = ground_patches(columns["latitude"], columns["longitude"])
     mapped = columns["albedo"] > 0
     return RegionPixels(tuple(products), seen=tuple(seen), **{name: each[mapped] for name, each in columns.items()})
 
 
-def _of_one(folder: Path, selection: Selection, max_pixels: int, albedo_map: bool, tile_deg: float) -> OneImage | None:
+def _of_one(folder: Path, selection: Selection, max_pixels: int, albedo_map: bool) -> OneImage | None:
     """The pixels of one product; None when it sees too little of the region."""
     source = read_source(folder)
     table = pixel_table(source, selection)
@@ -154,12 +157,12 @@ def _of_one(folder: Path, selection: Selection, max_pixels: int, albedo_map: boo
     if len(table) < FEWEST_PIXELS:
         return None
     thinned = table.iloc[:: -(-len(table) // max_pixels)]
-    columns = _columns(source, thinned, albedo_map, tile_deg)
+    columns = _columns(source, thinned, albedo_map)
     return OneImage(source.product, source.target.name, columns, len(table))
 
 
-def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: float) -> dict[str, NDArray]:
-    """Fields of `RegionPixels` for the pixels in `table`."""
+def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool) -> dict[str, NDArray]:
+    """Fields of `RegionPixels` for the pixels in `table`, but for their patch of ground."""
     names = ("image", "incidence", "emission", "phase", "latitude", "longitude")
     value, incidence, emission, phase, latitude, longitude = (table[name].to_numpy(np.float64) for name in names)
     albedo = np.ones_like(value)
@@ -172,7 +175,6 @@ def _columns(source: Source, table: "pd.DataFrame", albedo_map: bool, tile_deg: 
         "mu": np.cos(np.radians(emission)),
         "phase_deg": phase,
         "albedo": albedo,
-        "tile": _tiles(latitude, longitude, tile_deg),
         "noise": _noise_at(source, table),
         "latitude": latitude,
         "longitude": longitude,
@@ -186,8 +188,15 @@ def _noise_at(source: Source, table: "pd.DataFrame") -> Array:
     return np.hypot(errors.noise[places], errors.pose[places]).astype(np.float64)
 
 
+def ground_patches(latitude: Array, longitude: Array) -> NDArray[np.intp]:
+    """A number for each patch of ground: about PATCHES of the region that the places fill, of 1 to 10 degrees."""
+    cells = len(np.unique(_tiles(latitude, longitude, LEAST_TILE_DEG)))
+    side = LEAST_TILE_DEG * np.sqrt(cells / PATCHES)
+    return _tiles(latitude, longitude, float(np.clip(side, LEAST_TILE_DEG, TILE_DEG)))
+
+
 def _tiles(latitude: Array, longitude: Array, tile_deg: float) -> NDArray[np.intp]:
-    """A number for each patch of ground: rows of `tile_deg`, patches about as wide as high."""
+    """Rows of `tile_deg`, patches about as wide as high."""
     row = np.floor((latitude + 90) / tile_deg)
     width = tile_deg / np.maximum(np.cos(np.radians((row + 0.5) * tile_deg - 90)), 0.02)
     return (row * 1000 + np.floor(longitude / width)).astype(np.intp)

@@ -3,13 +3,15 @@
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from catalog.errors import RefusedError, WrongOptionError
 from catalog.reasons import Reason
 from catalog.regular_file import read_regular_text
+from tasks.export.outlines import Outline, read_outlines
 from tasks.export.pixels import Selection
 from tasks.photometry.each_image import ImageLimbWeight
 from tasks.photometry.fit import FitSettings, PhotometricFit
@@ -17,6 +19,7 @@ from tasks.photometry.region import RegionPixels
 
 BANDS = ("none", "filter", "camera")
 REGION_COLUMNS = ("region", "south", "north", "west", "east")
+GEOJSON = (".json", ".geojson")
 
 
 @dataclass(frozen=True)
@@ -51,28 +54,46 @@ class RegionResult:
     left_out: tuple[tuple[str, str], ...] = ()
 
 
-def read_regions(path: Path, limits: Selection) -> list[tuple[str, Selection]]:
-    """Regions of a CSV file with the columns region, south, north, west, east (degrees, east positive); the other
-    limits are those of `limits`. Raises RefusedError when the file has no such rows."""
-    remedy = f"Give a CSV file with the columns {', '.join(REGION_COLUMNS)}."
+def read_regions(path: Path, limits: Selection, west_longitudes: bool = False) -> list[tuple[str, Selection]]:
+    """Regions of a CSV file with the columns region, south, north, west, east (degrees, planetocentric), or of GeoJSON
+    with polygons (.json, .geojson); the other limits are those of `limits`. west_longitudes: the file's are
+    positive westward. Raises RefusedError when the file has no such regions, or two of one name."""
+    if path.suffix.lower() in GEOJSON:
+        found = [(name, _outlined(outline, limits)) for name, outline in read_outlines(path, west_longitudes)]
+    else:
+        found = _boxes(path, limits, west_longitudes)
+    twice = sorted(name for name, times in Counter(name for name, _ in found).items() if times > 1)
+    if twice:
+        text = f"{path} has more than one region of the name {', '.join(twice[:5])}."
+        raise RefusedError(Reason.REGIONS_UNREADABLE, text, "Give each a name of its own: tables and figures have it.")
+    return found
+
+
+def _outlined(outline: Outline, limits: Selection) -> Selection:
+    latitude, longitude = outline.box_deg()
+    return replace(limits, latitude_deg=latitude, longitude_deg=longitude, outline=outline)
+
+
+def _boxes(path: Path, limits: Selection, west_longitudes: bool) -> list[tuple[str, Selection]]:
+    """The rows of a CSV file; each runs from its west limit eastward to its east limit."""
+    remedy = f"Give a CSV file with the columns {', '.join(REGION_COLUMNS)}, or GeoJSON with polygons (.geojson)."
     try:
         rows = list(csv.DictReader(io.StringIO(read_regular_text(path), newline="")))
-        found = [
-            (
-                row["region"],
-                replace(
-                    limits,
-                    latitude_deg=(float(row["south"]), float(row["north"])),
-                    longitude_deg=(float(row["west"]), float(row["east"])),
-                ),
-            )
-            for row in rows
-        ]
+        found = [(row["region"], _box(row, limits, west_longitudes)) for row in rows]
     except (OSError, UnicodeDecodeError, csv.Error, KeyError, TypeError, ValueError) as error:
         raise RefusedError(Reason.REGIONS_UNREADABLE, f"{path} lists no regions ({error}).", remedy) from error
     if not found:
         raise RefusedError(Reason.REGIONS_UNREADABLE, f"{path} lists no regions.", remedy)
     return found
+
+
+def _box(row: Mapping[str, str], limits: Selection, west_longitudes: bool) -> Selection:
+    south, north, west, east = (float(row[name]) for name in REGION_COLUMNS[1:])
+    if not -90 <= south <= north <= 90 or not math.isfinite(west) or not math.isfinite(east):
+        raise ValueError(f"limits of region {row['region']}: {south:g} to {north:g}, {west:g} to {east:g}")
+    if west_longitudes:
+        west, east = (-west, -east) if abs(west - east) >= 360 else (-west % 360, -east % 360)
+    return replace(limits, latitude_deg=(south, north), longitude_deg=(west, east))
 
 
 def held_values(given: Sequence[str]) -> dict[str, float]:

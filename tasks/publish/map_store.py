@@ -26,7 +26,8 @@ def create_map(
     """Make the group; its variables hold nothing until `write_block` has put every block in its place. coordinates,
     extra: as xarray takes variables; the variables have the dimensions of `variables`, whose lengths the coordinates
     give. parts: shapes of the blocks that are compressed and read one by one (chunks), and of those that are written as
-    one file each (shards), a multiple of the former."""
+    one file each (shards), a multiple of the former. Only the variables have a fill value: CF (2.5.1) wants none of
+    coordinates and of their bounds."""
     import dask.array as da
     import xarray as xr
 
@@ -45,7 +46,7 @@ def create_map(
             encoding[variable.name]["_FillValue"] = None
     dataset = xr.Dataset(layers, coordinates, {"Conventions": CONVENTIONS, **attributes}).assign(extra)
     empty_group = dataset.drop_vars(list(layers))
-    write_group(empty_group, path, {})
+    write_group(empty_group, path, {str(name): {"_FillValue": None} for name in empty_group.variables})
     _add_layers(path, dataset, layers, encoding)
 
 

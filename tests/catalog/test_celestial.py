@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from astropy.coordinates import SkyCoord
+from astropy.coordinates import FK4, ICRS, BarycentricMeanEcliptic, Galactic, SkyCoord
 from astropy.wcs import WCS
 from scipy.spatial.transform import Rotation
 
@@ -50,6 +50,34 @@ def test_world_coordinates_give_the_orientation(flip: Flip | None, seed: int) ->
     found = orientation_of_wcs(header_of(orientation, flip), camera(), (400, 400), flip)
     assert found is not None
     assert np.degrees(np.linalg.norm(found @ orientation.T - np.eye(3))) < 1e-6
+
+
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("name", ["equatorial", "galactic", "ecliptic", "of 1950"])
+def test_world_coordinates_of_other_skies_and_axes(name: str, turned: bool) -> None:
+    """The same places as astropy gives them in that frame, with either coordinate as the first axis."""
+    orientation = Rotation.random(random_state=6).as_matrix()
+    header: dict[str, Any] = header_of(orientation, None)
+    frame, kinds, more = {
+        "equatorial": (ICRS(), ("RA---TAN", "DEC--TAN"), {}),
+        "galactic": (Galactic(), ("GLON-TAN", "GLAT-TAN"), {}),
+        "ecliptic": (BarycentricMeanEcliptic(), ("ELON-TAN", "ELAT-TAN"), {"EQUINOX": 2000.0}),
+        "of 1950": (FK4(equinox="B1950"), ("RA---TAN", "DEC--TAN"), {"RADESYS": "FK4", "EQUINOX": 1950.0}),
+    }[name]
+    sky = SkyCoord(*(orientation[2]), representation_type="cartesian", frame="icrs").transform_to(frame)
+    # the frame's axes near the boresight, as their differences over 1e-4 of a radian
+    near = [SkyCoord(*row, representation_type="cartesian", frame="icrs").transform_to(frame) for row in
+            orientation[2] + 1e-4 * orientation[:2]]  # fmt: skip
+    offsets = np.array([[each.degree for each in sky.spherical_offsets_to(one)] for one in near]).T
+    matrix = offsets / 1e-4 / 40000.0
+    values = [sky.spherical.lon.deg, sky.spherical.lat.deg]
+    order = [1, 0] if turned else [0, 1]
+    for axis, place in enumerate(order, 1):
+        header |= {f"CTYPE{axis}": kinds[place], f"CRVAL{axis}": values[place]}
+        header |= {f"CD{axis}_1": matrix[place, 0], f"CD{axis}_2": matrix[place, 1]}
+    found = orientation_of_wcs(header | more, camera(), (400, 400))
+    assert found is not None
+    assert np.degrees(np.linalg.norm(found @ orientation.T - np.eye(3))) < 1e-4
 
 
 def test_rows_that_the_reader_reversed_are_taken_back() -> None:
@@ -116,6 +144,9 @@ def test_a_twist_that_is_not_known_gives_nothing(changes: dict[str, Any]) -> Non
         ({"CRVAL1": None}, "lack CRVAL1"),
         ({"CRPIX2": "x"}, "lack CRPIX2"),
         ({"CRVAL2": float("nan")}, "cannot be read"),
+        ({"RADESYS": "GAPPT"}, "RADESYS = GAPPT is no frame"),
+        ({"CD1_1": None, "CD1_2": None}, "neither CD1_1 nor CDELT1"),
+        ({"CD1_1": 0.0, "CD1_2": 0.0}, r"cannot be read \(PCi_ja matrix is singular"),
         ({"CTYPE1": "RA---SIN", "CTYPE2": "DEC--SIN", "CD1_1": 1.0, "CD2_2": 1.0}, "no place on the sky"),
     ],
 )

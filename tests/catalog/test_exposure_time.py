@@ -43,6 +43,24 @@ def test_timesys_is_obeyed(scale: str) -> None:
     assert found == pytest.approx(by_astropy(WHEN, scale), abs=1e-5)
 
 
+@pytest.mark.parametrize(
+    "day", ["1997/09/23", "1997-SEP-23", "1997 Sep 23", "23-SEP-1997", "23 September 1997", "1997-266"]
+)
+def test_days_of_other_spellings(day: str) -> None:
+    for header in (
+        {"DATE-OBS": f"{day} {CLOCK}"},
+        {"DATE-OBS": day, "TIME-OBS": CLOCK},
+        {"DATE_OBS": f"{day}T{CLOCK}"},
+    ):
+        assert et_of(header) == pytest.approx(by_astropy(WHEN, "utc"), abs=1e-5), header
+
+
+def test_the_times_of_pds_labels_in_a_fits_header() -> None:
+    found = fits_exposure_time({"START_TIME": f"{DAY}T10:00:00Z", "STOP_TIME": f"{DAY}T10:00:08Z"}, {})
+    assert found.et == pytest.approx(by_astropy(f"{DAY}T10:00:04", "utc"), abs=1e-5)
+    assert found.source == "START_TIME and STOP_TIME"
+
+
 def test_timesys_of_other_names() -> None:
     assert et_of({"DATE-OBS": WHEN, "TIMESYS": "GPS"}) == pytest.approx(
         float(((Time(WHEN, scale="tai") + TimeDelta(19.0, format="sec")).tdb - J2000).sec), abs=1e-3

@@ -212,7 +212,10 @@ def test_a_summed_camera_looks_where_its_detector_looks(summing: int, x: float, 
     [
         ("*EUROPA*", "europa"), ("ENCELADU", "enceladus"), ("CALLIST", "callisto"), ("?", None), ("*SKY*", None),
         ("S RINGS", "saturn"), ("S_RINGS", "saturn"), ("RINGS OF URANUS", "uranus"), ("J RINGS", "jupiter"),
-        ("N RINGS", "neptune"), ("SATURN RINGS", "saturn"),
+        ("N RINGS", "neptune"), ("SATURN RINGS", "saturn"), ("(4) VESTA", "vesta"), ("Bennu (101955)", "bennu"),
+        ("951 GASPRA", "gaspra"), ("134340 PLUTO", "pluto"), ("1P/HALLEY", "halley"), ("P/Borrelly", "borrelly"),
+        ("9P/TEMPEL 1", "tempel 1"), ("RHEA.", "rhea"), ("TITAN_", "titan"), ("MIMAS (SI)", "mimas"),
+        ("EARTH'S MOON", "moon"), ("CAL LAMPS", None), ("67P/C-G", "67p/c-g"), ("S/2004 N 1", "s/2004 n 1"),
     ],
 )  # fmt: skip
 def test_targets_as_labels_spell_them(stated: str, name: str | None) -> None:

@@ -104,7 +104,7 @@ def test_random_bytes(tmp_path: Path, start: bytes, rest: bytes) -> None:
         (b"NBB=20 ", b"NBB=-20 ", "non-negative"),
         (b"NLB=1 ", b"NLB=99999999 ", "truncated"),
         (b"NL=30 ", b"NL='30' ", "non-negative integer"),
-        (b"NB=1 ", b"NB=3 ", "3 bands"),
+        (b"NB=1 ", b"NB=3 ", "truncated"),
         (b"FORMAT='BYTE'", b"FORMAT='COMP'", "no plain image"),
     ],
 )

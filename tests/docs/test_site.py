@@ -40,6 +40,22 @@ def test_equations_are_drawn_by_the_browser_itself(site: Path) -> None:
         assert "<math" in (site / f"{page}.html").read_text(encoding="utf-8")
 
 
+def test_the_sidebar_lists_every_chapter_and_opens_the_own_one(site: Path) -> None:
+    text = (site / "method/point.html").read_text(encoding="utf-8")
+    sidebar = text.partition('class="sidebar-tree"')[2].partition("</div>")[0]
+    links = re.findall(r'href="([^"]+)"', re.sub(r"<svg>.*?</svg>", "", sidebar))
+    assert links[0] == "../tutorial.html"
+    assert {"../guide/index.html", "index.html", "#", "joint.html", "../glossary.html"} <= set(links)
+    assert [link for link in links if link.startswith(("../guide/", "../reference/", "../cameras/"))] == [
+        "../guide/index.html",
+        "../cameras/index.html",
+        "../reference/index.html",
+    ]
+    deeper = (site / "reference/api/compare.html").read_text(encoding="utf-8").partition('class="sidebar-tree"')[2]
+    assert re.search(r'toctree-l3 current current-page.*?href="#"', deeper, re.S)
+    assert 'href="../settings.html"' in deeper
+
+
 def test_the_search_knows_commands_settings_and_reasons(site: Path) -> None:
     index = (site / "searchindex.js").read_text(encoding="utf-8")
     assert all(word in index for word in ("reprocess", "edge_px", "sinc"))

@@ -5,13 +5,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from catalog.basemap import map_of_target
 from catalog.camera import read_camera_file
 from catalog.pose import Pose, write_pose_file
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
-from tasks.simulate import Scene
-from tasks.simulate.window import Window
+from lab.simulate.independent import independent_image
 
 CAMERA = 'name = "small"\nsize_px = [112, 104]\ncentre_px = [55.5, 51.5]\nfocal_length_px = 20000\npsf_sigma_px = 0.8\n'
 PROFILE = 'base = "defaults"\npasses = 1\n[simulate]\noversample = 2\n'
@@ -32,8 +30,7 @@ def write_small_archive(folder: Path) -> None:
         sun_from_target_km=np.array([-4e8, 1e8, -5e8]),
         body_from_j2000=rotation_from_vector_deg([20, 30, 40]),
     )
-    scene = Scene(camera, target, map_of_target(target))
-    clean = scene.render(truth, Window(0, 0, *camera.size_px)).image()
+    clean = independent_image(camera, target, truth)
     noisy = 1000 + 50_000 * clean / clean.max() + np.random.default_rng(0).normal(0, 150, clean.shape)
     Image.fromarray(np.clip(noisy, 0, 65535).astype(np.uint16)).save(folder / "small.png")
     wrong = truth.replaced(camera_from_j2000=rotation_from_vector_deg([0.02, -0.015, 0]))

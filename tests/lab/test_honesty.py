@@ -316,6 +316,8 @@ REDUCED = {
     "wrong-orientation-012": NEVER_OK,  # by 180 deg
     "wrong-target-012": NEVER_OK,
     "mirrored-004": NEVER_OK,
+    "wrong-shape-000": NEVER_OK,  # a polar radius 2 % smaller than the file has it
+    "recording-037": NEVER_OK,  # three lines left out
 }
 
 

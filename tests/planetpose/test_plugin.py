@@ -13,13 +13,11 @@ import numpy as np
 import pytest
 from small_image import PLANTED_OFFSET_PX
 
-from catalog.basemap import map_of_target
 from catalog.camera import read_camera_file
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import read_target_file
-from tasks.simulate import Scene
-from tasks.simulate.window import Window
+from lab.simulate.independent import independent_image
 
 SOURCE = Path(__file__).parent / "plugin"
 PROFILE = {
@@ -81,7 +79,7 @@ def image(tmp_path: Path) -> Path:
     target = read_target_file(SOURCE / "example_mission" / "targets" / "example-moon.toml")
     sun, turn = np.array([-1e8, 1e8, -7e8]), rotation_from_vector_deg([20, 30, 40])
     truth = Pose(0.0, np.eye(3), np.array([0.0, 0.0, 780_000.0]), sun, turn)
-    clean = Scene(camera, target, map_of_target(target)).render(truth, Window(0, 0, *camera.size_px)).image()
+    clean = independent_image(camera, target, truth)
     noisy = 1000 + 500 * clean / clean.max() + np.random.default_rng(0).normal(0, 3, clean.shape)
     wrong = truth.replaced(camera_from_j2000=rotation_from_vector_deg([0.02, -0.015, 0]))
     label = {"lines": 104, "samples": 112, "target": "XMOON", "pose": wrong.to_dict()}

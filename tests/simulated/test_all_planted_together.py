@@ -3,12 +3,12 @@
 from types import SimpleNamespace
 
 import numpy as np
-from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
 from catalog.observation import Observation
 from catalog.pose import Pose
 from flows.image import settled
 from lab.simulate.plant import PoseError, planted, pose_error
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correcting import recorded
 from tasks.point import PointSettings, find_pointing

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from simulated_world import EUROPA, flagged, observation_of, scene_of, small_camera, true_pose
 
 from catalog.basemap import uniform_map
 from catalog.observation import Observation
 from catalog.rotation import rotation_from_vector_deg
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, flagged, observation_of, scene_of, small_camera, true_pose
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.correction import Correction
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from foreign_disk import foreign_disk, lambert, lommel_seeliger
-from simulated_world import EUROPA, europa_map, flagged, observation_of, observed, scene_of, small_camera, true_pose
 
 from catalog.basemap import BaseMap
 from catalog.errors import RefusedError
@@ -13,6 +12,16 @@ from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.rotation import vector_deg_from_rotation
 from lab.simulate.europa57 import paper_images
+from lab.simulate.small_world import (
+    EUROPA,
+    europa_map,
+    flagged,
+    observation_of,
+    observed,
+    scene_of,
+    small_camera,
+    true_pose,
+)
 from tasks.initial_pose import ImagePose, ImagePoseSettings, find_pose
 from tasks.initial_pose.find import unmapped
 from tasks.initial_pose.outline import find_outline

@@ -5,12 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cramer_rao import cramer_rao
-from simulated_world import NOISE_DN, foreign_image, observation_of, observed, scene_of, small_camera, true_pose
 
 from catalog.basemap import BaseMap
 from catalog.camera import Camera
 from catalog.pose import Pose
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import (
+    NOISE_DN,
+    image_by_laws,
+    observation_of,
+    observed,
+    scene_of,
+    small_camera,
+    true_pose,
+)
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.joint.coarse_to_fine import estimated, prior_sigmas
 from tasks.joint.parameters import ATTITUDE, NAMES, PSF, RANGE, ROLL, State, difference, rolled
@@ -50,7 +58,7 @@ def wrong(truth: Pose, camera: Camera) -> Pose:
 def test_matched_images_are_solved_about_as_well_as_noise_allows(camera: Camera, scene: Scene, truth: Pose) -> None:
     sigmas, planted_state = prior_sigmas(LOOSE, truth.range_km), State(truth, 0.8)
     settings = ONCE.model_copy(update={"systematic": NO_FLOOR})
-    image = foreign_image(scene, truth, {"lambert": 0.4, "lommel-seeliger": 0.6})
+    image = image_by_laws(scene, truth, {"lambert": 0.4, "lommel-seeliger": 0.6})
     start = State(wrong(truth, camera), 0.8)
     errors = []
     for seed in range(SEEDS):

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 from foreign_disk import foreign_disk, lambert, lommel_seeliger
-from simulated_world import EUROPA, PEAK_DN, SKY_DN, observed, scene_of, small_camera, true_pose
 
 from catalog.basemap import BaseMap
 from catalog.pose import Pose
+from lab.simulate.small_world import EUROPA, PEAK_DN, SKY_DN, observed, scene_of, small_camera, true_pose
 from tasks.joint import JointSettings
 from tasks.joint.coarse_to_fine import Estimate, estimated, prior_sigmas
 from tasks.joint.parameters import OFFSET, RANGE, State, difference

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simulated_world import observation_of, scene_of, small_camera, true_pose
 
+from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
 from tasks.compare.limb_edges import LimbSettings
 from tasks.pictures.limb_figures import shifts_figure, write_limb_figures
 from tasks.pictures.limb_profiles import LimbComparison, compare_limbs

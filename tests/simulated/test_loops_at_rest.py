@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
 import tasks.attitude.solve as attitude
 import tasks.range.limb as by_limb
@@ -16,6 +15,7 @@ from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.rotation import rotation_from_vector_deg
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.compare.limb_fit import LimbFit
 from tasks.compare.match import Match

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
 from lab.simulate.plant import PoseError, planted, pose_error
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.point import PointSettings, find_pointing
 from tasks.range import RangeSettings, find_range
 from tasks.range.similarity_scan import ScanSettings

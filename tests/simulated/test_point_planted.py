@@ -5,7 +5,13 @@ from functools import cache
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from simulated_world import (
+
+from catalog.basemap import uniform_map
+from catalog.errors import FailedError, RefusedError
+from catalog.observation import Observation, Quality
+from catalog.pose import Pose
+from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import (
     EUROPA,
     NOISE_DN,
     SKY_DN,
@@ -17,12 +23,6 @@ from simulated_world import (
     small_camera,
     true_pose,
 )
-
-from catalog.basemap import uniform_map
-from catalog.errors import FailedError, RefusedError
-from catalog.observation import Observation, Quality
-from catalog.pose import Pose
-from lab.simulate.plant import planted, pose_error
 from tasks.correction import Correction
 from tasks.point import PointSettings, find_pointing
 from tasks.point.loop import share_in_frame

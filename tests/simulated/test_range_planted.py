@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
 from catalog.errors import FailedError
 from catalog.observation import Observation
 from catalog.pose import Pose
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.range import RangeSettings, find_range
 from tasks.range.similarity_scan import ScanSettings
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from simulated_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 
 from catalog.basemap import uniform_map
 from catalog.observation import Observation
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, observation_of, scene_of, small_camera, true_pose
 from tasks.correction import Correction
 from tasks.roll import RollSettings, find_roll
 from tasks.roll.turns import camera_rolled, target_turned

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from simulated_world import EUROPA, europa_map, scene_of, small_camera, true_pose
 
 from catalog.basemap import BaseMap, uniform_map
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import Target
+from lab.simulate.small_world import EUROPA, europa_map, scene_of, small_camera, true_pose
 from tasks.project.curves import limb_points
 from tasks.project.points import body_points, latitude_longitude, pixels_of_points, surface_points, visible
 from tasks.simulate import Scene, SceneSettings

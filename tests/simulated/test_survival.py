@@ -6,12 +6,12 @@ Frame and disk are small, so that the whole matrix takes seconds.
 
 import numpy as np
 import pytest
-from simulated_world import EUROPA, clean_image, observed, scene_of, small_camera, true_pose
 
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from lab.simulate.plant import planted, pose_error
+from lab.simulate.small_world import EUROPA, clean_image, observed, scene_of, small_camera, true_pose
 from tasks.accept.acceptance import check_limb, doubtful_likeness
 from tasks.attitude import AttitudeSettings, find_attitude
 from tasks.point import PointSettings, find_pointing

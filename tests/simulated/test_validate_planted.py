@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
-from simulated_world import flagged, observation_of, scene_of, small_camera, true_pose
 
 from catalog.observation import Observation
+from lab.simulate.small_world import flagged, observation_of, scene_of, small_camera, true_pose
 from tasks.compare.segments import limb_segments
 from tasks.point.rotation import pose_moved_by
 from tasks.project.curves import limb

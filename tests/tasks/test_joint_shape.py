@@ -1,12 +1,14 @@
 """Another shape than the target's: a doubt where no markings show which body it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from catalog.target import find_target
 from lab.simulate.small_world import scene_of, small_camera, true_pose
 from tasks.joint.displaced_markings import SEEN, UNSEEN, Displacement
-from tasks.joint.shape import doubt_of_relief, doubt_of_shape, shear_of_outline
+from tasks.joint.shape import doubt_of_displacement, doubt_of_relief, doubt_of_shape, shear_of_outline
 from tasks.joint.thresholds import Thresholds
 from tasks.simulate import Scene
 
@@ -62,6 +64,25 @@ def test_a_limb_much_rougher_than_stated_is_doubted(
     doubt = doubt_of_relief(shown_px, radius_px, target, LIMITS.contradiction)
     assert (doubt is not None) == doubted
     assert not doubt or doubt.startswith("shape-disagrees: ")
+
+
+@pytest.mark.parametrize(
+    ("size_px", "expected_px", "doubted"),
+    [
+        (0.29, 0.3, False),  # optics that bend by 0.3 px, at most
+        (0.32, 0.3, True),  # radii wrong by 2 %, three lines left out, columns 3 % too far apart
+        (0.32, 0.6, False),
+        (5.0, None, False),
+    ],
+)
+def test_a_displacement_larger_than_optics_make_is_doubted(
+    size_px: float, expected_px: float | None, doubted: bool
+) -> None:
+    found = replace(displacement((0.5, 0.4)), size_px=size_px)
+    doubt = doubt_of_displacement(found, expected_px)
+    assert (doubt is not None) == doubted
+    assert not doubt or doubt.startswith("shape-disagrees: ")
+    assert doubt_of_displacement(None, 0.3) is None
 
 
 def test_relief_that_the_target_s_file_states_is_no_other_shape() -> None:

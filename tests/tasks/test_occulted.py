@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from catalog.basemap import uniform_map
 from catalog.errors import PlanetposeError
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
+from lab.simulate.independent import independent_image
 from lab.simulate.plant import planted, pose_error
 from lab.simulate.small_world import NOISE_DN, PEAK_DN, SKY_DN, clean_image, observed, scene_of, small_camera, true_pose
 from tasks.compare.brightness import fit_brightness
@@ -22,7 +24,6 @@ from tasks.compare.occulted import continued, light_behind
 from tasks.joint import JointSettings, find_pose_jointly
 from tasks.point import PointSettings, find_pointing
 from tasks.point.in_front import evidence, hidden_scores
-from tasks.simulate.window import Window
 
 CAMERA = small_camera(diameter_px=60)
 SCENE = scene_of(CAMERA, "mixture", oversample=3)
@@ -43,10 +44,10 @@ def planet(ratio: float, edge_px: float = 1e9) -> NDArray[np.float64]:
 
 @cache
 def moon() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """The moon's light, DN, and its coverage (ny, nx)."""
-    scene = scene_of(CAMERA, "lunar-lambert", oversample=7)
-    frame = Window(0, 0, *CAMERA.size_px)
-    return clean_image(scene, TRUTH) - np.float32(SKY_DN), scene.render(TRUTH, frame).coverage
+    """The moon's light, DN, and its coverage (ny, nx): at full phase a body of Lommel and Seeliger's law is even."""
+    full = TRUTH.replaced(sun_from_target_km=-1000 * TRUTH.target_from_spacecraft_km)
+    covered = independent_image(CAMERA, SCENE.target, full, {"lommel-seeliger": 1.0}, uniform_map())
+    return clean_image(scene_of(CAMERA), TRUTH) - np.float32(SKY_DN), covered.astype(np.float32)
 
 
 def in_front(ratio: float, edge_px: float = 1e9, seed: int = 1) -> Observation:

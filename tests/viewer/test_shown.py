@@ -18,6 +18,7 @@ from catalog.placed_body import PlacedBody
 from catalog.rotation import rotation_from_vector_deg
 from catalog.target import find_target
 from flows.flow_run import current_run
+from lab.simulate.independent import independent_image
 from tasks.diagnose.failed_folder import FRAME, failed_folder, frame_dataset, note_result
 from tasks.guidance.prefect_run import note_run, noted_run
 from tasks.pictures.flow_vectors import flow_vectors
@@ -25,7 +26,6 @@ from tasks.pictures.product import Product
 from tasks.publish import publish
 from tasks.publish.cube import write_group
 from tasks.simulate import Scene
-from tasks.simulate.window import Window
 from tasks.validate import ValidateSettings
 from viewer.export import export_store
 from viewer.notebook import view
@@ -208,7 +208,7 @@ def test_what_reasons_mean_is_found_by_their_codes() -> None:
 
 
 def test_shifts_of_the_markings_are_those_that_were_planted() -> None:
-    """Another pose's simulation stands for the image: its markings lie elsewhere by known pixels."""
+    """Another pose's picture stands for the image: its markings lie elsewhere by known pixels."""
     europa = find_target("europa")
     camera, after = camera_of(240), pose_of(100.0)
     scene = Scene(camera, europa, map_of_target(europa))
@@ -216,7 +216,7 @@ def test_shifts_of_the_markings_are_those_that_were_planted() -> None:
     focal = camera.focal_length_px
     turn = rotation_from_vector_deg(np.degrees([planted[1] / focal, -planted[0] / focal, 0.0]))
     true = after.replaced(camera_from_j2000=turn @ after.camera_from_j2000)
-    image = (1000 * scene.render(true, Window(0, 0, 240, 240)).image()).astype(np.float32)
+    image = (500 * independent_image(camera, europa, true)).astype(np.float32)
     observation = Observation(image, np.full_like(image, 1), np.zeros(image.shape, np.uint16))
     product = Product("C1", observation, after, after, scene, ValidateSettings())
     found = flow_vectors(product, after)

@@ -87,6 +87,29 @@ def test_regions_of_a_file_are_fitted_one_by_one_and_an_unseen_one_says_so(
     assert "region-unseen" in pole["reason"]
 
 
+def test_polygons_of_a_file_are_fitted_and_written_in_east_longitudes(lunar_lambert_store, tmp_path, capture) -> None:
+    frame = [[-180, -40], [180, -40], [180, 40], [-180, 40], [-180, -40]]
+    hole = [[lon, -10] for lon in (-170, -50, 50, 170)] + [[lon, 10] for lon in (170, 50, -50, -170)] + [[-170, -10]]
+    features = [
+        {"type": "Feature", "properties": {"name": name}, "geometry": {"type": "Polygon", "coordinates": rings}}
+        for name, rings in (("whole", [frame]), ("ring", [frame, hole]))
+    ]
+    path = tmp_path / "areas.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    command = ["photometry", str(lunar_lambert_store), "--regions", str(path), "--json", "--law", "lambert"]
+    answers = {}
+    for option in ([], ["--west-longitudes"]):
+        done = RUN.invoke(build_app(), [*command, *option, "--out", str(tmp_path / "out")])
+        assert done.exit_code == 0, done.output
+        answers[bool(option)] = [json.loads(line) for line in done.stdout.splitlines()]
+    whole, ring = answers[False]
+    assert whole["longitude_deg"] == [0.0, 360.0]
+    assert ring["outline"]["coordinates"][0][1][0] == [-170.0, -10.0]
+    assert answers[True][1]["outline"]["coordinates"][0][1][0] == [170.0, -10.0]
+    seen = [{each["product"]: each["pixels_seen"] for each in region["images"]} for region in (whole, ring)]
+    assert all(0.3 * seen[0][product] < seen[1][product] < 0.95 * seen[0][product] for product in seen[0])
+
+
 @pytest.mark.parametrize("wrong", [("--law", "oren-nayar"), ("--hold", "w"), ("--latitude", "north", "south")])
 def test_wrong_usage_is_reported(lunar_lambert_store, wrong) -> None:
     assert RUN.invoke(build_app(), ["photometry", str(lunar_lambert_store), *wrong]).exit_code == 2

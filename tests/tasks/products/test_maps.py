@@ -268,3 +268,17 @@ def test_gdal_reads_named_bands_with_units_flags_and_crs(tmp_path, form) -> None
         step = np.degrees(mapped.grid.step_m / 1e3 / EUROPA.mean_radius_km)
         assert abs(float(latitude)) < step
         assert abs((float(longitude) - 0.5 + 180) % 360 - 180) < step
+
+
+def test_overviews_of_a_cog_average_no_flags_and_no_longitudes(tmp_path, monkeypatch) -> None:
+    import rasterio
+
+    monkeypatch.setattr("tasks.export.cog.BLOCK_PX", 128)  # the map is small
+    source = spot_product(tmp_path, looking_at(5.0, 359.0), [(0.0, 0.5)])
+    mapped = map_image(source, central_longitude_deg=180.0)
+    path = write_geotiff(source, mapped, tmp_path / "m.tif", cloud_optimized=True)
+    with rasterio.open(path, overview_level=0) as half:
+        for name in ("quality", "longitude"):
+            values = half.read(LAYERS.index(name) + 1)
+            assert np.array_equal(values, mapped.layers[name][::2, ::2], equal_nan=True)
+        assert not np.array_equal(half.read(1), mapped.layers["image"][::2, ::2], equal_nan=True)
