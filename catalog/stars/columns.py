@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from catalog.errors import RefusedError
 from catalog.reasons import Reason
 
 Array = NDArray[np.float64]
+Columns = dict[str, NDArray[Any]]
 # Names that a column may have, in lower case, the likelier first: Gaia's archive, VizieR's copies of Gaia, Tycho and
 # UCAC, and plain English.
 KNOWN_NAMES: Mapping[str, tuple[str, ...]] = {
@@ -126,6 +128,23 @@ def factor_to_ours(key: str, unit: Any, name: str, path: str) -> float:
         fault = f"star catalog {path}: its column {name} is in {text!r}, which does not convert to {OUR_UNITS[key]}."
         remedy = f"Convert it to {OUR_UNITS[key]}, or name another column: --columns {key}=COLUMN."
         raise RefusedError(Reason.STAR_CATALOG_INVALID, fault, remedy) from error
+
+
+def numbers(column: Any) -> NDArray[np.float64]:
+    """Numbers of a column; what is masked or empty becomes NaN."""
+    if isinstance(column, np.ma.MaskedArray):
+        return np.asarray(np.ma.filled(column.astype(np.float64), np.nan))
+    return np.asarray(column, dtype=np.float64)
+
+
+def factors_of(names: Mapping[str, str], units: Mapping[str, Any], path: Path) -> dict[str, float]:
+    """What each of our columns is multiplied by, as `factor_to_ours`. names: of the file; units: of each."""
+    return {key: factor_to_ours(key, units[key], name, str(path)) for key, name in names.items()}
+
+
+def in_our_units(columns: Columns, factors: Mapping[str, float]) -> Columns:
+    """Columns of the file, by our names, in our units."""
+    return {key: values if factors[key] == 1 else numbers(values) * factors[key] for key, values in columns.items()}
 
 
 def are_directions(ra_deg: Array, dec_deg: Array) -> NDArray[np.bool_]:

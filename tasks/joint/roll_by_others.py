@@ -21,8 +21,8 @@ from tasks.bodies.placed import Body, bodies_of, in_frame
 from tasks.compare.limb_edges import FEWEST_POINTS, measure_limb
 from tasks.compare.match import framed_window, match_scene
 from tasks.joint.parameters import ROLL, State, difference, rolled
+from tasks.point.by_limb import EDGES, SKY_PX, as_target_of
 from tasks.priors import PriorSettings
-from tasks.separations.by_limb import EDGES, SKY_PX, as_target_of
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]

@@ -23,7 +23,7 @@ from tasks.fields import Content, Json
 from tasks.joint.find_pose import find_pose_jointly
 from tasks.joint.parameters import OFFSET
 from tasks.joint.settings import JointSettings
-from tasks.separations.by_limb import as_target_of, by_limb
+from tasks.point.by_limb import as_target_of, by_limb
 from tasks.simulate import Scene
 
 Array = NDArray[np.float64]

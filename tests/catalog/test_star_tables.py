@@ -271,7 +271,7 @@ def test_stars_of_a_large_csv_file_are_bounded_and_a_large_votable_is_refused(
 
 
 def test_a_catalog_that_is_too_large_is_not_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catalog.stars.files.MOST_STARS", 3)
+    monkeypatch.setattr("catalog.stars.parquet.MOST_STARS", 3)
     catalog = FileCatalog(written(tmp_path, ".parquet"))
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", None)  # would be a TypeError
     with pytest.raises(RefusedError, match=r"5 stars would be read, 3 are the most; give --near"):
