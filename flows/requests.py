@@ -20,6 +20,7 @@ from catalog.made_camera import file_in, is_made
 from catalog.pose import IN_IMAGE
 from catalog.safe_name import is_safe_product_name, safe_product_name
 from catalog.settings import archive_folder
+from catalog.stars.files import check_catalog
 from catalog.target import is_target_file
 from flows.guided import guided
 from flows.image_options import ImageOptions
@@ -34,6 +35,7 @@ logger = logging.getLogger("planetpose")
 def requests_of_files(options: CorrectOptions) -> list[Request]:
     """One request per file, in their order. Raises RefusedError that names the option when the options are no good: for
     an unknown profile, one with nothing left to correct, or products that are too few or no names of folders."""
+    check_catalog(options.stars)
     place, names = usable_place_of(options.store), product_names(options)
     shared = {name: getattr(options, name) for name in ImageOptions.model_fields}
     shared |= {"profile": profile_of_options(options), "kernels": options.chosen_kernels}

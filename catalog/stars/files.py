@@ -13,12 +13,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from catalog.errors import RefusedError
+from catalog.errors import RefusedError, WrongOptionError
 from catalog.reasons import Reason
 from catalog.regular_file import check_regular
-from catalog.stars.columns import are_directions, check_directions, column_map
+from catalog.stars.columns import (
+    Columns,
+    are_directions,
+    check_directions,
+    column_map,
+    factors_of,
+    in_our_units,
+    looks_of,
+    numbers,
+    refuse_swapped,
+    unit_in,
+)
+from catalog.stars.embedded import EMBEDDED
+from catalog.stars.parquet import MOST_STARS, NARROWER, of_parquet
 from catalog.stars.source import Cone
 from catalog.stars.table import StarTable, unit_vectors
 
@@ -27,15 +39,12 @@ SUFFIXES = {
     ".csv": "csv", ".tsv": "csv", ".parquet": "parquet", ".pq": "parquet",
 }  # fmt: skip
 MAX_BYTES = 200_000_000_000
-MOST_STARS = 20_000_000  # that are kept in memory
 # Text files that are read whole, and VOTables at most: parsed, they take about ten times as much memory.
 WHOLE_TEXT_BYTES, MOST_VOTABLE_BYTES = 100_000_000, 500_000_000
 ROWS_AT_ONCE = 200_000
 WIDER_SHARE, WIDER_DEG = 1.1, 1.0  # of a cone of a large CSV file: a search's later cones lie about its first one
-NARROWER = "give --near and --cone-deg, and sort the file by declination"
 DEFAULT_EPOCH = 2000.0
 LONGEST_LINE, MOST_COMMENTS = 65_536, 1000
-Columns = dict[str, NDArray[Any]]
 OPTIONAL = ("pm_ra_mas", "pm_dec_mas", "parallax_mas")
 
 
@@ -78,7 +87,7 @@ class FileCatalog:
             fault = f"star catalog {self.path}: its name ends in {self.path.suffix!r}."
             raise RefusedError(Reason.STAR_CATALOG_UNREADABLE, fault, f"Known are {', '.join(SUFFIXES)}.")
         if kind == "parquet":
-            return _of_parquet(self.path, self.columns, cone)
+            return of_parquet(self.path, self.columns, cone)
         if kind == "fits":
             return _of_fits(self.path, self.columns, cone)
         stat, given = self.path.stat(), tuple(sorted(self.columns.items()))
@@ -90,7 +99,7 @@ class FileCatalog:
         return _of_text(self.path, kind, given, stamp)
 
     def _table(self, columns: Columns, cone: Cone | None) -> StarTable:
-        values = {key: _numbers(column) for key, column in columns.items() if key not in ("ident", "epoch")}
+        values = {key: numbers(column) for key, column in columns.items() if key not in ("ident", "epoch")}
         ra, dec = values["ra_deg"], values["dec_deg"]
         known = are_directions(ra, dec)
         if cone is not None:
@@ -113,73 +122,23 @@ class FileCatalog:
             return self.epoch
         if "epoch" not in columns or not len(columns["epoch"]):
             return DEFAULT_EPOCH
-        epochs = np.unique(_numbers(columns["epoch"]))
+        epochs = np.unique(numbers(columns["epoch"]))
         if len(epochs) != 1 or not 1800 < epochs[0] < 2200:
             raise ValueError("its column of epochs holds no single Julian year; give --epoch")
         return float(epochs[0])
 
 
-def _numbers(column: Any) -> NDArray[np.float64]:
-    """Numbers of a column; what is masked or empty becomes NaN."""
-    if isinstance(column, np.ma.MaskedArray):
-        return np.asarray(np.ma.filled(column.astype(np.float64), np.nan))
-    return np.asarray(column, dtype=np.float64)
+def check_catalog(name_or_file: str | None) -> None:
+    """Raise WrongOptionError where what is neither None nor the name of a packaged catalog is no star catalog."""
+    if name_or_file and name_or_file.lower() not in EMBEDDED:
+        try:
+            FileCatalog(Path(name_or_file)).check()
+        except RefusedError as error:
+            raise WrongOptionError("stars", error.fault, error.remedy) from error
 
 
 def _text(value: Any) -> str:
     return value.decode("utf-8", "replace").strip() if isinstance(value, bytes) else str(value).strip()
-
-
-def _of_parquet(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        with pq.ParquetFile(path) as file:
-            names = column_map(file.schema_arrow.names, given, str(path))
-            groups = [number for number in range(file.num_row_groups) if _may_hold(file, number, names, cone)]
-            if (rows := sum(file.metadata.row_group(number).num_rows for number in groups)) > MOST_STARS:
-                raise ValueError(f"{rows} stars would be read, {MOST_STARS} are the most; {NARROWER}")
-            rows = file.metadata.num_rows
-            table = file.read_row_groups(groups, columns=list(names.values()))
-    except pa.ArrowException as error:
-        raise ValueError(str(error)) from error
-    columns = {key: table.column(name).to_numpy(zero_copy_only=False) for key, name in names.items()}
-    if groups or not rows:
-        check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
-    return columns
-
-
-def _may_hold(file: Any, number: int, names: Mapping[str, str], cone: Cone | None) -> bool:
-    """Whether a row group may hold stars of a cone, by its statistics; true where it has none."""
-    if cone is None:
-        return True
-    (ra_low, ra_high), (dec_low, dec_high) = _bounds(cone)
-    group = file.metadata.row_group(number)
-    for at in range(group.num_columns):
-        column = group.column(at)
-        statistics = column.statistics
-        if statistics is None or not statistics.has_min_max:
-            continue
-        if column.path_in_schema == names["dec_deg"] and (statistics.max < dec_low or statistics.min > dec_high):
-            return False
-        if column.path_in_schema == names["ra_deg"]:
-            # A cone over 0 degrees runs from below 0, or to above 360.
-            spans = ((ra_low + turn, ra_high + turn) for turn in (-360.0, 0.0, 360.0))
-            if not any(statistics.min <= high and statistics.max >= low for low, high in spans):
-                return False
-    return True
-
-
-def _bounds(cone: Cone) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Limits of right ascension (which may run below 0 or above 360) and declination of a cone, degrees."""
-    x, y, z = cone.axis
-    ra, dec = np.degrees(np.arctan2(y, x)) % 360.0, np.degrees(np.arcsin(np.clip(z, -1, 1)))
-    low, high = dec - cone.radius_deg, dec + cone.radius_deg
-    if low <= -90 or high >= 90:
-        return (0.0, 360.0), (max(low, -90.0), min(high, 90.0))
-    half = np.degrees(np.arcsin(min(1.0, np.sin(np.radians(cone.radius_deg)) / np.cos(np.radians(dec)))))
-    return (ra - half, ra + half), (low, high)
 
 
 def _of_fits(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns:
@@ -191,12 +150,13 @@ def _of_fits(path: Path, given: Mapping[str, str], cone: Cone | None) -> Columns
             raise ValueError("it holds no table")
         data = tables[0].data
         names = column_map(data.names, given, str(path))
+        factors = factors_of(names, {key: tables[0].columns[name].unit for key, name in names.items()}, path)
         chosen: Any = slice(None)
-        ra, dec = (np.asarray(data[names[key]], dtype=np.float64) for key in ("ra_deg", "dec_deg"))
+        ra, dec = (np.asarray(data[names[key]], np.float64) * factors[key] for key in ("ra_deg", "dec_deg"))
         check_directions(ra, dec, names, str(path))
         if cone is not None:
             chosen = np.flatnonzero(unit_vectors(ra, dec) @ cone.axis >= np.cos(np.radians(cone.radius_deg)))
-        return {key: np.array(data[name][chosen]) for key, name in names.items()}
+        return in_our_units({key: np.array(data[name][chosen]) for key, name in names.items()}, factors)
 
 
 @lru_cache(maxsize=2)
@@ -207,12 +167,13 @@ def _of_text(path: Path, kind: str, given: tuple[tuple[str, str], ...], _: tuple
 
         table = parse_single_table(path, verify="ignore").to_table(use_names_over_ids=True)
         names = column_map(table.colnames, dict(given), str(path))
-        columns: Columns = {key: np.ma.asarray(table[name]) for key, name in names.items()}
+        factors = factors_of(names, {key: table[name].unit for key, name in names.items()}, path)
+        columns: Columns = in_our_units({key: np.ma.asarray(table[name]) for key, name in names.items()}, factors)
     else:
         content = _read_csv(path)
         names = column_map([str(name).strip() for name in content.columns], dict(given), str(path))
-        columns = _columns_of(content, names)
-    check_directions(_numbers(columns["ra_deg"]), _numbers(columns["dec_deg"]), names, str(path))
+        columns = _columns_of(content, names, path)
+    check_directions(numbers(columns["ra_deg"]), numbers(columns["dec_deg"]), names, str(path))
     return columns
 
 
@@ -231,14 +192,15 @@ def _separator(path: Path) -> str:
     return next((each for each in ",\t;|" if each in first), ",")
 
 
-def _columns_of(content: Any, names: Mapping[str, str]) -> Columns:
+def _columns_of(content: Any, names: Mapping[str, str], path: Path) -> Columns:
     import pandas as pd
 
     content.columns = [str(name).strip() for name in content.columns]
-    return {
+    columns = {
         key: (content[name] if key == "ident" else pd.to_numeric(content[name], errors="coerce")).to_numpy()
         for key, name in names.items()
     }
+    return in_our_units(columns, factors_of(names, {key: unit_in(name) for key, name in names.items()}, path))
 
 
 @dataclass
@@ -262,13 +224,16 @@ class _Pieces:
         used = [name for name in head if name.strip() in names.values()]
         kept: list[Columns] = []
         rows = stars = directions_known = 0
+        beyond_90, all_within_90 = False, True
         with _read_csv(self.path, usecols=used, chunksize=ROWS_AT_ONCE) as pieces:
             for piece in pieces:
-                count, columns = len(piece), _columns_of(piece, names)
+                count, columns = len(piece), _columns_of(piece, names, self.path)
                 # Stars without a name have the number of their row.
                 columns.setdefault("ident", np.arange(rows, rows + count))
                 rows += count
                 directions_known += int(are_directions(columns["ra_deg"], columns["dec_deg"]).sum())
+                beyond, within = looks_of(columns["ra_deg"], columns["dec_deg"])
+                beyond_90, all_within_90 = beyond_90 or beyond, all_within_90 and within
                 inside = np.ones(count, bool)
                 if cone is not None:
                     directions = unit_vectors(columns["ra_deg"], columns["dec_deg"])
@@ -277,6 +242,7 @@ class _Pieces:
                 stars += int(inside.sum())
                 if stars > MOST_STARS:
                     raise ValueError(f"more than {MOST_STARS} stars are in it; give --near and --cone-deg")
+        refuse_swapped(beyond_90, all_within_90, names, str(self.path))
         if not directions_known:
             check_directions(np.full(rows, np.nan), np.full(rows, np.nan), names, str(self.path))
         return {key: np.concatenate([piece[key] for piece in kept]) for key in kept[0]}

@@ -13,7 +13,7 @@ from lab.maps.command import control, improve_map, mosaic
 from lab.page.command import page
 from lab.rehearsal.command import deploy, throughput
 from lab.scale.command import scale
-from lab.stars.command import stars
+from lab.stars.command import separation, stars
 
 
 def register(app: typer.Typer) -> None:
@@ -39,6 +39,7 @@ def register(app: typer.Typer) -> None:
     group.command()(throughput)
     group.command()(scale)
     group.command()(stars)
+    group.command()(separation)
     group.command()(page)
     app.add_typer(group, name="benchmark")
 

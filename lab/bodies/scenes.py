@@ -118,7 +118,7 @@ class Scene:
             }
             for each in self.others
         ]
-        return {"et": 2.0e8, **stated, "bodies": bodies}
+        return {"et": 2.0e8, **stated, "bodies": bodies, "errors": {"range_share": RANGE_SIGMA}}
 
 
 def texture_of(name: str, seed: int) -> Texture:

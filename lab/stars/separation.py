@@ -56,19 +56,26 @@ def write_separation_sequence(
     size_px: tuple[int, int] = (300, 280),
     radius_px: float = 36.0,
     as_mapped: bool = True,
+    like: Camera | None = None,
 ) -> list[Planted]:
     """`count` frames of Europa of `radius_px` with stars around, 40 s apart; the predicted camera of each is off by
     about ten pixels and a twentieth of a degree, and the target of all by the same 1 to 50 km in any direction.
+
+    like: the camera whose focal length and blur these frames have, without its distortion; by default one that sees
+    Europa so large from 1.2 million km.
 
     as_mapped: the surface is as its map has it; otherwise it has one of six laws, the relief that Europa has, and a map
     with errors (albedo to 3 %, coordinates to 0.1 deg). Files are numbered where there are several frames."""
     random = np.random.default_rng(seed)
     target, range_km = find_target("europa"), 1.2e6
     focal_px = radius_px * range_km / target.mean_radius_km
+    if like is not None:
+        focal_px = like.focal_length_px
+        range_km = focal_px * target.mean_radius_km / radius_px
     centre = ((size_px[0] - 1) / 2, (size_px[1] - 1) / 2)
     camera = Camera(
         name="among-stars", size_px=size_px, centre_px=centre, focal_length_px=focal_px, focal_length_sigma=0.0,
-        psf_sigma_px=0.9,
+        psf_sigma_px=0.9 if like is None else like.psf_sigma_px,
     )  # fmt: skip
     camera_from_j2000 = rotation_from_vector_deg(random.uniform(-180, 180, 3))
     et = (YEAR - 2000.0) * 365.25 * 86400.0

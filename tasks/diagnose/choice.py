@@ -73,6 +73,11 @@ def explanation_of(all_tried: Tried, settings: DiagnoseSettings, scene: Scene) -
     first = predicted_one(all_tried)
     good = [e for e in found if is_good(e, scene, settings) and is_no_chance(e, all_tried, settings)]
     rivals = [e for e in good if e is not first and (first is None or is_better(e, first, all_tried, settings))]
+    if first in good and first is not None:  # markings that are the map's as they are say that nothing is flipped
+        rivals = [
+            e for e in rivals
+            if e.candidate.name not in FLIPS or not is_marked(first, e.markings or 0.0, all_tried, settings)
+        ]  # fmt: skip
     best = first if first in good else None
     # What changes least is accepted unless another one is better than it, too.
     for rival in rivals:

@@ -9,9 +9,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.basemap import uniform_map
 from catalog.errors import FailedError, PlanetposeError
+from catalog.flips import PLACES
 from catalog.observation import Observation
 from catalog.pose import Pose
 from catalog.reasons import Reason
@@ -19,10 +21,11 @@ from tasks.compare.brightness import brightness_columns, correlation, robust_lea
 from tasks.compare.likeness import with_rim
 from tasks.compare.reduce import reduced_observation, reduced_scene, reduction_for
 from tasks.diagnose.candidates import Candidate, families
-from tasks.diagnose.evidence import BLOCKS_ACROSS, Fit, fit_of, shared
+from tasks.diagnose.evidence import BLOCKS_ACROSS, Fit, better_by, fit_of, shared
 from tasks.diagnose.settings import DiagnoseSettings
 from tasks.point.coarse import CoarseFind, find_target
 from tasks.point.loop import PointSettings, likeness_at, settle, share_in_frame
+from tasks.point.rotation import pose_pointed_at
 from tasks.range.limb import LimbRangeSettings, find_range_by_limb
 from tasks.simulate import Scene
 from tasks.simulate.suns import sun_azimuth_deg, with_sun_moved
@@ -30,6 +33,7 @@ from tasks.simulate.window import disk_radius_px
 from tasks.validate.limb import ValidateSettings, validate_limb
 from tasks.validate.sun import sun_in_image
 
+Array = NDArray[np.float64]
 Progress = Callable[[str, int, str], None]
 MIN_OVERLAP = 0.25
 REFINING = LimbRangeSettings(stop_px=0.5, max_iterations=12, limit=0.3, across=200)
@@ -116,9 +120,45 @@ def tried(
         except FailedError as error:  # where the image has no values, nothing is explained
             if error.code != Reason.NO_USABLE_PIXELS:
                 raise
+    found = with_same_starts(
+        found, lambda start: refined(Candidate("as-predicted", 1.0, observation, start.pose), start, pose, plain, scene,
+                                     settings, compared), scene,
+    )  # fmt: skip
     radius = disk_radius_px(pose, scene.camera, scene.target)
     places = int(observation.image.size / max(np.pi * radius**2, 1.0)) + 1
     return Tried(found, sum(len(family) for family in all_families), places)
+
+
+def with_same_starts(
+    found: list[Explanation], as_it_is: Callable[[CoarseFind], Explanation], scene: Scene
+) -> list[Explanation]:
+    """What was found, the predicted one replaced where the picture as it is, settled by `as_it_is` from where a flipped
+    one came to rest, leaves less unexplained: a search that was misled says nothing against the picture as it is."""
+    first = next((e for e in found if e.candidate.name == "as-predicted"), None)
+    for e in found:
+        if e.candidate.flip is None or e.fit is None or not leaves_less(e, first):
+            continue
+        start = CoarseFind(pose_pointed_at(e.pose, scene.camera, place_unflipped(e, scene)), e.score, 1)
+        try:
+            again = as_it_is(start)
+        except FailedError:  # of pixels without values nothing is said
+            continue
+        if again.fault is None and again.fit is not None and leaves_less(again, first):
+            found = [again, *(other for other in found if other is not first)]
+            first = again
+    return found
+
+
+def leaves_less(e: Explanation, other: Explanation | None) -> bool:
+    """Whether one explanation leaves less of the image than another."""
+    return other is None or other.fit is None or (e.fit is not None and better_by(e.fit, other.fit)[0] > 1)
+
+
+def place_unflipped(e: Explanation, scene: Scene) -> Array:
+    """Where the disk (2,) of a flipped picture is in the picture as it was taken; both are square, or of one shape."""
+    middle = (np.array(scene.camera.size_px, dtype=np.float64) - 1) / 2
+    place = scene.camera.project(e.pose.target_in_camera_km) - middle
+    return np.asarray(middle + (place if e.candidate.flip is None else PLACES[e.candidate.flip].T @ place))
 
 
 def best_of(family: list[Candidate], scene: Scene, settings: DiagnoseSettings) -> tuple[Candidate, CoarseFind] | None:

@@ -29,6 +29,7 @@ from tasks.joint.limb_update import updated_by_limb
 from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
+from tasks.joint.roll_by_others import roll_by_others
 from tasks.joint.settings import JointSettings
 from tasks.joint.shape import doubt_of_displacement, doubt_of_relief, doubt_of_shape
 from tasks.joint.thresholds import PyramidThresholds
@@ -65,10 +66,14 @@ def find_pose_jointly(
     elsewhere (see `pose_facing`): no offset in the picture leads there. A target without a map keeps its attitude.
     Raises FailedError when too few pixels are usable.
     """
-    observation = alone(observation, pose, scene)
+    whole, observation = observation, alone(observation, pose, scene)
     sources = dict.fromkeys(POSE_KEYS, source) if isinstance(source, str) else source
     priors = own_priors or settings.priors.of(sources, has_map=not is_uniform(scene))
-    metadata = State(pose_facing(predicted, pose, scene.camera), scene.psf_sigma_px)
+    facing = pose_facing(predicted, pose, scene.camera)
+    by_others = None if "roll" in settings.hold else roll_by_others(whole, pose, facing, scene, priors)
+    if by_others:
+        facing, priors = by_others.predicted(facing), by_others.priors(priors)
+    metadata = State(facing, scene.psf_sigma_px)
     sigmas = prior_sigmas(priors, metadata.pose.range_km)
     given = Problem(observation, scene, metadata, sigmas, settings, distortion, progress, priors.sun_deg)
     start = State(pose, scene.psf_sigma_px)
@@ -90,6 +95,9 @@ def find_pose_jointly(
     correction = as_correction(given, estimate, start, away, led, orientation)
     correction.evidence["map_frame_deg"] = scene.map_frame_deg
     correction.evidence["focal_length_sigma"] = scene.camera.focal_length_sigma
+    correction.evidence["roll_by"] = by_others.to_dict() if by_others else None
+    if by_others:
+        correction.evidence["predicted_to_free"][ROLL] += by_others.roll_deg
     if not is_offset_from(predicted, pose, scene.camera):
         correction.evidence["predicted_to_free"] = None
     return correction

@@ -54,3 +54,29 @@ class OtherBodiesSettings(BaseModel):
         description="The same is looked at where the night side takes this share of the disk's width or more (0.25: "
         "from a phase angle of 60 degrees on): elsewhere sunlight drowns it.",
     )
+    roll_centre_px: float = Field(
+        0.2,
+        gt=0,
+        description="1-sigma of the target's centre before the joint step, where other bodies tell the camera's roll: "
+        "what the search by limb and pixels leaves.",
+    )
+    roll_edge_px: float = Field(
+        0.15,
+        gt=0,
+        description="There an edge of a limb is known no better than this, 1-sigma: neighbours err together.",
+    )
+    roll_range: float = Field(
+        0.01, gt=0, description="There the range is known to this share at least, 1-sigma: the disk is in the frame."
+    )
+    roll_gain: float = Field(
+        0.9,
+        gt=0,
+        le=1,
+        description="Other bodies give the roll where its error is then this share of its prior's, or less. Choice.",
+    )
+    roll_sigmas: float = Field(
+        4.0,
+        gt=0,
+        description="Not taken is a roll that is so many 1-sigma errors from its prior, and an edge so many from the "
+        "others: it is of something else. One of 16 000 by chance.",
+    )

@@ -102,6 +102,53 @@ def test_a_users_file_of_any_kind_gives_the_same_cone(tmp_path: Path, suffix: st
     assert len(catalog.stars()) == 5
 
 
+UNITS = {"RA_ICRS": ("rad", np.pi / 180), "DE_ICRS": ("arcmin", 60.0), "pmRA": ("arcsec / yr", 1e-3)}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".fits", ".vot"])
+def test_columns_in_other_units_are_converted(tmp_path: Path, suffix: str) -> None:
+    """Units from TUNIT, a VOTable's fields, or the header of the column."""
+    frame = Table.from_pandas(pd.DataFrame(ROWS))
+    for name, (unit, factor) in UNITS.items():
+        frame[name] = np.asarray(np.ma.filled(frame[name], np.nan)) * factor
+        frame[name].unit = unit
+    path = tmp_path / f"units{suffix}"
+    if suffix in (".csv", ".parquet"):
+        named = pd.DataFrame({f"{name} [{UNITS[name][0]}]" if name in UNITS else name: frame[name] for name in ROWS})
+        named.to_csv(path, index=False) if suffix == ".csv" else named.to_parquet(path, index=False)
+    else:
+        frame.write(path, format="votable" if suffix == ".vot" else "fits")
+    found = FileCatalog(path).stars(Cone(unit_vectors(10.1, -5.0), 1.0))
+    assert found.ident.tolist() == ["b", "a", "e"]
+    assert found.ra_deg == pytest.approx([10.2, 10.0, 11.0])
+    assert found.dec_deg == pytest.approx([-5.1, -5.0, -5.3])
+    assert found.pm_ra_mas == pytest.approx([0.0, 100.0, 1.0])
+
+
+def test_hours_of_right_ascension_are_converted_and_what_does_not_convert_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "hours.csv"
+    path.write_text("ra (h),dec (deg),mag\n2.0,5,6\n")
+    assert FileCatalog(path).stars().ra_deg == pytest.approx([30.0])
+    for head, fault in (("ra,dec (Jy),mag", "dec .Jy. is in 'Jy'"), ("ra,dec,mag (km)", "does not convert to mag"),
+                        ("ra [furlong],dec,mag", "'furlong'")):  # fmt: skip
+        path = tmp_path / f"bad{len(head)}.csv"
+        path.write_text(f"{head}\n2.0,5,6\n")
+        with pytest.raises(RefusedError, match=fault):
+            FileCatalog(path).stars()
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_swapped_columns_are_refused(tmp_path: Path, large: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if large:
+        monkeypatch.setattr("catalog.stars.files.WHOLE_TEXT_BYTES", 1)
+    path = tmp_path / "swapped.csv"
+    path.write_text("ra,dec,mag\n-10,200,5\n20,40,6\n")
+    with pytest.raises(RefusedError, match=r"were swapped.*ra_deg=dec,dec_deg=ra"):
+        FileCatalog(path).stars()
+    right = FileCatalog(path, {"ra_deg": "dec", "dec_deg": "ra"}).stars()
+    assert right.ra_deg.tolist() == [200.0, 40.0]
+
+
 def test_columns_of_other_names_are_mapped_and_missing_ones_named(tmp_path: Path) -> None:
     path = tmp_path / "own.csv"
     path.write_text("alpha,delta,brightness\n1,2,3\n")
@@ -224,7 +271,7 @@ def test_stars_of_a_large_csv_file_are_bounded_and_a_large_votable_is_refused(
 
 
 def test_a_catalog_that_is_too_large_is_not_read_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("catalog.stars.files.MOST_STARS", 3)
+    monkeypatch.setattr("catalog.stars.parquet.MOST_STARS", 3)
     catalog = FileCatalog(written(tmp_path, ".parquet"))
     monkeypatch.setattr(pq.ParquetFile, "read_row_groups", None)  # would be a TypeError
     with pytest.raises(RefusedError, match=r"5 stars would be read, 3 are the most; give --near"):

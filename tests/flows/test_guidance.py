@@ -134,6 +134,22 @@ def test_help_that_makes_no_sense_is_wrong_usage(arguments: list[str], fault: st
     assert fault in done.stderr.replace("│", " ")
 
 
+@pytest.mark.parametrize(
+    ("content", "fault"), [(None, "does not exist"), ("a,b\n1,2\n", "no column that is known as ra_deg")]
+)
+def test_a_star_catalog_is_checked_before_any_image(content: str | None, fault: str, tmp_path: Path) -> None:
+    sky = tmp_path / "sky.csv"
+    if content is not None:
+        sky.write_text(content)
+    done = CliRunner().invoke(
+        build_app(), ["correct", "none.png", "--store", str(tmp_path / "out"), "--stars", str(sky)],
+        env={"COLUMNS": "400"},
+    )  # fmt: skip
+    assert done.exit_code == 2
+    assert fault in done.stderr
+    assert "none.png" not in done.stderr
+
+
 def test_a_masked_half_of_the_disk_leaves_the_answer_within_its_errors(
     correct: Correct, plain_result: dict[str, Any], archive: Path, tmp_path: Path
 ) -> None:

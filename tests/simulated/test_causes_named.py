@@ -1,6 +1,7 @@
 """A cause is named where one was planted, and none where the failure has none; of scenes drawn at random."""
 
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -13,7 +14,8 @@ from catalog.basemap import map_of_target
 from catalog.observation import Observation, Quality
 from catalog.readers.noise import measured_noise
 from catalog.target import find_target
-from tasks.diagnose import DiagnoseSettings, tried
+from tasks.diagnose import DiagnoseSettings, trials, tried
+from tasks.diagnose.candidates import Candidate
 from tasks.diagnose.choice import cause_of
 from tasks.diagnose.diagnosis import Diagnosis
 from tasks.point.rotation import pose_pointed_at
@@ -104,3 +106,26 @@ def test_a_sky_without_a_target_is_explained_by_nothing(kind: str) -> None:
     found = cause(Hostile(kind, "empty", made.image, made.given, made.camera, made.target))
     print(found)
     assert found is None
+
+
+def test_a_flip_is_not_named_because_the_search_for_the_picture_as_it_is_was_misled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The picture is as predicted, at so low a phase angle that a flipped one fits, too; its own search is led away."""
+    made = drawn(np.random.default_rng(5), ("europa",), radius_px=28.0, phase_deg=8.0)
+    search = trials.best_of
+
+    def misled(family: list[Candidate], scene: Scene, settings: DiagnoseSettings) -> Any:
+        found = search(family, scene, settings)
+        if found is None or family[0].name != "as-predicted":
+            return found
+        candidate, find = found
+        size_px = np.array(scene.camera.size_px)
+        place = scene.camera.project(find.pose.target_in_camera_km)
+        corner = np.where(place > size_px / 2, 12.0, size_px - 12.0)
+        return candidate, replace(find, pose=pose_pointed_at(find.pose, scene.camera, corner))
+
+    monkeypatch.setattr(trials, "best_of", misled)
+    found = cause(Hostile("plain", "plain", made.image, made.given, made.camera, made.target))
+    print(found)
+    assert found is None or found.code not in ("image-mirrored", "image-turned")

@@ -27,6 +27,7 @@ from catalog.target import find_target
 from flows.prediction import refuse_company
 from flows.request import Request
 from lab.stars.separation import Planted, write_separation_scene
+from lab.stars.separation_run import cases, compared, separation_summary
 from tasks.astrometry.ades import perm_id
 from tasks.astrometry.observation import ARCSEC
 from tasks.astrometry.store import write_astrometry
@@ -163,6 +164,20 @@ def test_planted_offsets_of_camera_and_target_come_back_apart(among_stars: Among
     error = planted.pose.camera_from_j2000 @ (np.array(found["target_offset_km"]) - planted.offset_km)
     assert np.hypot(*error[:2]) / planted.pose.range_km * focal_px < 0.1
     assert max(found["target_offset_sigma_px"]) < 0.1
+
+
+def test_the_benchmark_compares_with_the_truth_and_with_plain_spice(among_stars: AmongStars, tmp_path: Path) -> None:
+    result = among_stars.result | {"stars": dict(among_stars.result["stars"])}
+    row = {"status": "ok", **compared(result, among_stars.planted, tmp_path)}
+    assert row["error_px"] < 0.1
+    assert row["kernels_deg"] < 1e-9
+    assert max(map(abs, row["z"])) < 4
+    turned = among_stars.planted.pose.camera_from_j2000.T @ [1.0, 0.0, 0.0]
+    result["stars"]["target_offset_km"] = list(result["stars"]["target_offset_km"] + 200.0 * turned)
+    wrong = {"status": "ok", **compared(result, among_stars.planted, tmp_path)}
+    figures = separation_summary([row, wrong, {"status": "failed", "error_px": None}])
+    assert (figures["frames"], figures["ok"], figures["wrong_ok"], figures["beyond_bar"]) == (3, 2, 1, 1)
+    assert len({case.like.name for case in cases(12, 7)}) == 12
 
 
 def test_the_overlay_marks_the_stars_and_the_index_has_the_targets_offset(among_stars: AmongStars) -> None:
