@@ -46,10 +46,18 @@ class Answer:
 
     def listening(self) -> "Answer":
         """This answer, which is not whole any more when something is logged from now on."""
-        watcher = logging.Handler(logging.WARNING)
-        watcher.addFilter(lambda _: bool(setattr(self, "whole", False)))
-        logging.getLogger("planetpose").addHandler(watcher)
+        logging.getLogger("planetpose").addHandler(_Listener(self))
         return self
+
+
+class _Listener(logging.Handler):
+    def __init__(self, answer: Answer) -> None:
+        super().__init__(logging.WARNING)
+        self.answer = answer
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Hear of a record, which is one of a warning or more."""
+        self.answer.whole &= record.levelno < self.level
 
 
 def watch() -> None:
