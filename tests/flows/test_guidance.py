@@ -21,6 +21,7 @@ from catalog.mask import masked, read_mask
 from catalog.observation import Observation, Quality
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
+from catalog.unchanged import Answer
 from flows.cli import build_app
 from flows.cli.correct import warn
 from flows.cli.downstream import answer_with_json
@@ -274,7 +275,7 @@ def test_a_label_that_names_another_target_is_reported_on_stderr_in_result_and_p
     assert result["guidance"]["overruled"] == [reported]
     with open_cube(Path(result["cube"])) as cube:
         assert json.loads(cube.attrs["provenance"])["guidance"]["overruled"] == [reported]
-    warn(result)
+    warn(result, Answer())
     assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {reported}"
 
 
