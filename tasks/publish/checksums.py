@@ -1,5 +1,6 @@
 """SHA256SUMS: the digest of every file of a product, recorded when it is published; `sha256sum -c` reads it too."""
 
+import os
 from pathlib import Path
 
 from catalog.digest import sha256_of_file
@@ -26,6 +27,15 @@ def read_checksums(folder: Path) -> dict[str, str]:
             raise ValueError(f"{CHECKSUMS} has a line that is no checksum: {line[:80]!r}")
         digests[name] = digest
     return digests
+
+
+def missing_files(folder: Path) -> list[str]:
+    """Files of a product that its list of checksums names and that are not there; none without a readable list."""
+    try:
+        recorded = read_checksums(folder)
+    except (OSError, ValueError):
+        return []
+    return [name for name in recorded if not os.path.isfile(os.path.join(folder, name))]
 
 
 def refresh_checksum(folder: Path, name: str) -> None:

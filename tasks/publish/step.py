@@ -16,11 +16,12 @@ from tasks.ingest.pose_step import PredictedPose
 from tasks.ingest.start_step import StartResult
 from tasks.ingest.step import IngestResult
 from tasks.project.uncertainty import stated_uncertainty
+from tasks.publish.checksums import missing_files
 from tasks.publish.names import CUBE, OVERLAY
 from tasks.publish.origin import Origin, refuse_taken
 from tasks.publish.product import write_product
 from tasks.publish.publication import NOT_RESAMPLED, Publication, SensorFrame
-from tasks.record import Record, record_in
+from tasks.record import Record, read_record, record_in
 from tasks.scene_inputs import SceneInputs
 from tasks.separations.measure import separations
 from tasks.stars.separate import TOGETHER, separation
@@ -237,10 +238,18 @@ def refuse_other(step: Step[PublishInputs, PublishFiles, PublishResult]) -> None
     refuse_taken(step.folder, step.files.image, step.files.sha256)
 
 
+def whole_record(step: Step[PublishInputs, PublishFiles, PublishResult]) -> Record | None:
+    """The record of a product of which no file is missing, so that one that lost some is published again. The overlay
+    may be deleted: `planetpose show` draws it."""
+    record = read_record(step.folder, step.key)
+    return None if record is None or set(missing_files(step.folder)) - {OVERLAY} else record
+
+
 STEP = StepType(
     "publish",
     run,
     PublishResult,
+    find_record=whole_record,
     labels={"scene.target": "shape", "verdict_code": "code of the verdict"},
     check_place=refuse_other,
 )

@@ -279,6 +279,18 @@ def test_a_label_that_names_another_target_is_reported_on_stderr_in_result_and_p
     assert capfd.readouterr().err.splitlines()[-1] == f"planetpose: labelled: {reported}"
 
 
+def test_a_product_that_lost_a_file_is_published_again_but_an_overlay_may_go(correct: Correct) -> None:
+    cube = Path(correct()["cube"])
+    chunk = next(path for path in (cube / "latitude" / "c").rglob("*") if path.is_file())
+    values = chunk.read_bytes()
+    (cube.parent / "overlay.png").unlink()
+    assert "publish" in correct()["cached"]
+    chunk.unlink()
+    assert "publish" not in correct()["cached"]
+    assert chunk.read_bytes() == values
+    assert (cube.parent / "overlay.png").exists()
+
+
 @pytest.mark.parametrize("flip", ["y", "rot90"])
 def test_a_picture_that_is_flipped_back_gives_the_same_pose(
     flip: Flip, correct: Correct, plain_result: dict[str, Any], tmp_path: Path
