@@ -28,6 +28,16 @@ def step_folders(cache: Path) -> list[Path]:
     return [cache / kind for kind in (*STEP_NAMES, SOURCES_FOLDER, ANSWERS_FOLDER) if (cache / kind).is_dir()]
 
 
+def clear_folders(folders: list[Path], step: str | None) -> list[Path]:
+    """Delete those of the cache's folders that are of the step, or all, and return them; with any of them go the kept
+    answers of commands, which would hide that steps are to be done again."""
+    found = [folder for folder in folders if step in (None, folder.name)]
+    answers = [folder for folder in folders if found and folder.name == ANSWERS_FOLDER]
+    for folder in dict.fromkeys([*found, *answers]):
+        shutil.rmtree(folder, ignore_errors=True)
+    return found
+
+
 def key_folders(cache: Path) -> Iterator[Path]:
     """The folders that results of steps lie in, by the first digits of their keys; links are not followed: what they
     lead to may be somebody else's."""

@@ -32,15 +32,13 @@ def clear(
     step: Annotated[str | None, typer.Option(help="Only this step (point, range ...).")] = None,
 ) -> None:
     """Delete cached results; they are computed again when they are needed. Published products stay."""
-    import shutil
-
     from catalog.settings import cache_folder
+    from tasks.cache import clear_folders
 
-    found = [folder for folder in own_folders(cache_folder()) if step in (None, folder.name)]
+    found = clear_folders(own_folders(cache_folder()), step)
     if step is not None and not found:
         raise typer.BadParameter(f"there is no cached step {step!r}", param_hint="--step")
     for folder in found:
-        shutil.rmtree(folder, ignore_errors=True)
         print(f"deleted {folder}")
 
 

@@ -14,6 +14,7 @@ import pytest
 from small_image import PLANTED_OFFSET_PX, TRUE_CENTRE_PX, write_small_archive
 
 from catalog.pose import Pose
+from catalog.unchanged import FOLDER as ANSWERS
 from flows.cli import main
 from flows.guided import REQUESTS
 from flows.progress import Silent
@@ -388,10 +389,12 @@ def test_the_cache_can_be_measured_and_cleared(
     folder = tmp_path / "here"
     shutil.copytree(corrected[0], folder)
     (folder / "cache" / "other").mkdir()
+    (folder / "cache" / ANSWERS).mkdir(exist_ok=True)
     assert "point" in inside(folder, "cache", "size").stdout
     assert inside(folder, "cache", "clear", "--step", "range").returncode == 0
     assert not (folder / "cache" / "range").exists()
     assert (folder / "cache" / "point").exists()
+    assert not (folder / "cache" / ANSWERS).exists()  # the command would not do the step again
     assert inside(folder, "cache", "clear").returncode == 0
     assert [path.name for path in (folder / "cache").iterdir()] == ["other"]  # nothing that is not ours
 
