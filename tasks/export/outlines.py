@@ -72,7 +72,7 @@ def _inside(ring: Array, latitude: Array, longitude: Array) -> NDArray[np.bool_]
         for (x0, y0), (x1, y1) in pairwise(ring):
             if y0 != y1:
                 crosses = (y0 <= y) != (y1 <= y)
-                odd ^= crosses & (x >= x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+                odd ^= crosses & (np.sign(y1 - y0) * ((x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)) >= 0)
         found.flat[near] |= odd
     return found
 
