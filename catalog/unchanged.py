@@ -7,6 +7,7 @@ anything that cannot be looked at, leaves the command to run as ever. Imports no
 """
 
 import hashlib
+import io
 import json
 import logging
 import os
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from catalog.digest import SETTLED_NS, files_with_digests, signature_of
+from catalog.errors import PlanetposeError
 from catalog.settings import PROJECT_ROOT, cache_folder
 
 FOLDER = "unchanged"
@@ -86,7 +88,7 @@ def keep(answer: Answer, files: Iterable[Path], products: Iterable[Path], books:
     """
     if not (_watching and answer.whole):
         return
-    with suppress(OSError):
+    with suppress(OSError, PlanetposeError):  # the second where there is no place for a cache
         products = [path.absolute() for path in products]
         aside = _program_folders() | {str(cache_folder().absolute()), *(str(path.absolute()) for path in books)}
         read = {os.path.abspath(path) for path in _seen}
@@ -113,6 +115,8 @@ def answered() -> int | None:
     if (answer := answer_of(sys.argv[1:])) is None:
         watch()
         return None
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(encoding="utf-8", errors="backslashreplace")  # as the command itself writes
     for stream, text in answer.said:
         print(text, file=sys.stdout if stream == "stdout" else sys.stderr, flush=True)
     return answer.status
@@ -127,7 +131,7 @@ def answer_of(arguments: list[str]) -> Answer | None:
         if not same or None in trees:
             return None
         return Answer([(str(stream), str(text)) for stream, text in content["said"]], int(content["status"]))
-    except (OSError, ValueError, TypeError, LookupError, AttributeError):
+    except (OSError, ValueError, TypeError, LookupError, AttributeError, PlanetposeError):
         return None
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from catalog import unchanged
 from catalog.digest import sha256_of_file
+from catalog.errors import RefusedError
+from catalog.reasons import Reason
 from catalog.unchanged import Answer, answer_of, answered, keep, watch
 
 COMMAND = ["correct", "image.img", "--store", "out"]
@@ -141,3 +143,14 @@ def test_the_oldest_answers_go(command: Command, monkeypatch: pytest.MonkeyPatch
         command.done()
         time.sleep(0.02)
     assert [answer_of([*COMMAND, str(number)]) is not None for number in range(4)] == [False, False, True, True]
+
+
+def test_without_a_place_for_a_cache_the_command_runs_as_ever(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse() -> Path:
+        raise RefusedError(Reason.HOME_UNKNOWN, "HOME is not set.", "Set HOME.")
+
+    monkeypatch.setattr(unchanged, "cache_folder", refuse)
+    command.done()
+    assert answer_of(COMMAND) is None
