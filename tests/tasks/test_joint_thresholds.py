@@ -31,7 +31,7 @@ NUMERICS = {
     "beam_bending.py": {"FREE"},
     "shape.py": {"SHEAR"},
     "displaced_markings.py": {"UNSEEN", "SEEN", "HELD"},
-    "variance_model.py": {"BISECTIONS", "MEDIAN_CHI2"},
+    "variance_model.py": {"MEDIAN_CHI2"},
     "uncertainty.py": {"INDEPENDENT_LIMBS"},
 }
 
