@@ -162,7 +162,7 @@ def with_range_prior(estimate: Estimate, given: Problem) -> Estimate:
     state, errors, prior = estimate.free_state, estimate.free_covariance, given.sigmas[RANGE]
     if estimate.free.held[RANGE] or not np.isfinite(prior):
         return replace(estimate, state=state, covariance=errors)
-    camera, chance = given.scene.camera, given.thresholds.contradiction.chance
+    camera, chance = given.scene.camera, given.thresholds.contradiction.chance_range
     surplus = difference(state, given.metadata, camera)[RANGE]
     others = estimate.common[RANGE, RANGE] + prior**2
     if surplus**2 > chi_square(1, chance) * (errors[RANGE, RANGE] + prior**2):

@@ -139,6 +139,12 @@ class ContradictionThresholds(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     chance: float = _threshold(0.01, "Probability of a difference that is taken for a contradiction. Choice.")
+    chance_range: float = _threshold(
+        0.05,
+        "The same of the free range and its prior, from which the free range's own errors are grown. The smaller, the "
+        "more sigmas a wrong camera or radius may move a range that the metadata know: a focal length wrong by 1 % "
+        "moved one with a prior of 0.3 % by 5.8 sigma at 0.01.",
+    )
     chance_doubted: float = _threshold(
         1e-4,
         "The same of product and limb, after the errors of both were grown, that makes the result doubtful. Choice.",

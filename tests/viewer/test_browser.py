@@ -122,7 +122,7 @@ def test_layers_stretches_and_views_are_drawn(view: View, address: str, tmp_path
     middle = view.middle("#picture")
     view.press("m")
     view.drag((middle[0] - 30, middle[1]), (middle[0] + 40, middle[1] + 20))
-    assert "km on the surface" in view.text("#hover")
+    view.wait("document.querySelector('#hover').textContent.includes('km on the surface')")
     view.press("m")
     view.click("#picture")
     view.wait("document.querySelectorAll('#pins tbody tr').length === 1")
