@@ -106,6 +106,7 @@ class Reason(StrEnum):
     LIMB_OUTSIDE = "limb-outside"
     LIMB_SATURATED = "limb-saturated"
     LIMB_TOO_SHORT = "limb-too-short"
+    LINES_MISSING = "lines-missing"
     LINE_SCANNER = "line-scanner"
     LIST_INVALID = "list-invalid"
     LIST_MISSING = "list-missing"

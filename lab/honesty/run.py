@@ -46,7 +46,7 @@ KEPT = (
     "seconds",
 )
 # What the joint step found of the image that its pose does not tell.
-SHOWN = ("displacement", "led_by_limb", "detector", "smear", "second_start_px")
+SHOWN = ("displacement", "step", "led_by_limb", "detector", "smear", "second_start_px")
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 

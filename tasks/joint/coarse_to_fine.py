@@ -15,6 +15,7 @@ from tasks.joint.displaced_markings import Displacement, displacement_shown
 from tasks.joint.gauss_newton import Line, Solution, solve_joint
 from tasks.joint.limb_observation import LimbObservation, shown_by
 from tasks.joint.linearity import Linearity, displaced_by_levels, linearity_of
+from tasks.joint.lost_lines import Step, step_shown
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference, with_psf_within
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
@@ -38,8 +39,8 @@ class Estimate:
     noise: (8, 8) the part of the pixels' noise, which another exposure draws anew.
     bending: what the disk shows of it; the states are those of the image without it. None where none is known.
     linearity: what the disk shows of the detector. displacement: what limb and markings show of a distortion; None
-    where its error is known beforehand. relief_px: by how much arcs of the limb lie off as a whole, see
-    `coherent_px`."""
+    where its error is known beforehand. step: of lines or columns.
+    relief_px: by how much arcs of the limb lie off as a whole, see `coherent_px`."""
 
     free: Solution
     shown: Array
@@ -52,6 +53,7 @@ class Estimate:
     bending: Bending | None = None
     linearity: Linearity | None = None
     displacement: Displacement | None = None
+    step: Step | None = None
     relief_px: float = 0.0
 
 
@@ -99,7 +101,8 @@ def estimated(given: Problem, start: State) -> Estimate:
     data = free.data
     read = float(np.sqrt(np.median(data.variance[data.usable])))
     levels_px = level.n * displaced_by_levels(data.image[data.usable], read, data.bright, free.state.width_px)
-    own = level.covariance_up(shown) + systematic(usual, radius, levels_px=levels_px, larger=larger)
+    trail_px = float(np.hypot(*state.trail_px))
+    own = level.covariance_up(shown) + systematic(usual, radius, 0.0, levels_px, larger, trail_px)
     own[ATTITUDE, ATTITUDE] += scene.map_frame_deg**2 * np.eye(3)
     limb = limb_seen(free, level)
     relief_px = limb.coherent_px if limb else 0.0
@@ -121,7 +124,8 @@ def estimated(given: Problem, start: State) -> Estimate:
         errors[free.held, :] = errors[:, free.held] = 0
     errors = own + common
     noise = level.covariance_up(noise_covariance(free.problem, free.fit, np.asarray(free.data.variance, np.float64)))
-    found = (noise, bending, linearity, displacement, relief_px)
+    step = step_shown(free, level)
+    found = (noise, bending, linearity, displacement, step, relief_px)
     return with_range_prior(Estimate(free, shown, state, state, errors, errors, common, *found), given)
 
 

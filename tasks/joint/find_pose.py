@@ -26,6 +26,7 @@ from tasks.joint.coarse_to_fine import (
 )
 from tasks.joint.gauss_newton import Solution
 from tasks.joint.limb_update import updated_by_limb
+from tasks.joint.lost_lines import doubt_of_step
 from tasks.joint.orientation import Orientation, Solvers, doubt_of_markings, oriented
 from tasks.joint.parameters import ATTITUDE, NAMES, OFFSET, PSF, RANGE, ROLL, State, difference
 from tasks.joint.problem import EXACT, DistortionError, Problem, Progress
@@ -140,6 +141,7 @@ def as_correction(
         "bending": bending_evidence(estimate.bending),
         "detector": estimate.linearity.to_dict() if estimate.linearity else None,
         "displacement": estimate.displacement.to_dict() if estimate.displacement else None,
+        "step": estimate.step.to_dict() if estimate.step else None,
         "predicted_to_free": difference(estimate.free_state, metadata, scene.camera).tolist(),
         "orientation": orientation.to_dict() if orientation else None,
     }
@@ -149,6 +151,7 @@ def as_correction(
         doubt_of_convergence(free),
         None if held[RANGE] else doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), limits),
         doubt_of_markings(orientation) if orientation else None,
+        doubt_of_step(estimate.step, given.thresholds.contradiction),
         shape_doubt(given, estimate, orientation),
         (led or {}).get("doubt"),
         doubt_of_start(away_px, centre_sigma_px, free_sigma * radius, limits),

@@ -20,9 +20,13 @@ class SystematicSettings(BaseModel):
     25 px: 61 scenes had 63 % of the centres and 61 % of the ranges within 1 sigma without it, 71 and 70 % with it;
     larger disks as before). limb_gain: centre_px and limb_px are of maps whose brightness along the limb is
     right to so much, relative (see `tile_prior.limb_gain`); where it is off by more, they grow (see `times_usual`).
-    distortion_share: part of the distortion model's error that the disk's limb does not average out. On 60 scenes of
-    the honesty benchmark, six laws, radius 12-140 px, whose maps are right to 2-6 %, 77 % of the ranges and 73 % of
-    the centres (each coordinate) lay within 1 sigma, 98 and 97 % within 2."""
+    trail_radius_px: where a trail is solved for, laws that do not fit pass for a part of it, or for all, the more the
+    smaller the disk: centre and limb may be off by the trail's length times this over the disk's radius, and markings
+    in the middle of the disk as well (Hapke's law, radius 18 and 23 px, sharp or with trails of 2 and 3 px:
+    0.13 to 0.35 px and 3.2 to 7.7 sigmas without it). distortion_share: part of the distortion model's error that the
+    disk's limb does not average out. On 60 scenes of the honesty benchmark, six laws, radius 12-140 px, whose maps
+    are right to 2-6 %, 77 % of the ranges and 73 % of the centres (each coordinate) lay within 1 sigma, 98 and 97 %
+    within 2."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     centre_px: float = Field(0.008, ge=0)
@@ -31,6 +35,7 @@ class SystematicSettings(BaseModel):
     attitude_deg: float = Field(0.03, ge=0)
     roll_deg: float = Field(0.03, ge=0)
     limb_gain: float = Field(0.05, gt=0)
+    trail_radius_px: float = Field(2.0, ge=0)
     distortion_share: float = Field(0.25, ge=0)
 
 

@@ -190,6 +190,30 @@ class ContradictionThresholds(BaseModel):
         "Terms of a smooth displacement, over the disk's radius, that may be a map's on a large disk (Pluto: 0.0007) "
         "and raise no doubt. Scenes whose radii are wrong by 2 % or that lost three lines show 0.0031 to 0.0052.",
     )
+    step_strips: int = Field(
+        16,
+        gt=2,
+        description="Strips of lines, and of columns, across the disk, between which a step of the picture is looked "
+        "for. Choice: a step within a strip is found a little smaller.",
+    )
+    step_prior_px: float = _threshold(1.0, "What a strip may lie off by before the fit, px, 1-sigma. Choice: a line.")
+    step_feigned_px: float = _threshold(
+        0.1,
+        "Step of lines or columns that map and laws feign beyond its error, px, 1-sigma: of 45 solvable scenes of the "
+        "honesty benchmark the largest was 0.24 px with a map.",
+    )
+    step_unmapped_px: float = _threshold(
+        0.3,
+        "The same of a body without a map, whose markings pass for displaced shading: 0.7 px on a crescent of Rhea, "
+        "radius 21 px, phase 113 deg, measured.",
+    )
+    step_small_px2: float = _threshold(
+        2.0,
+        "The same of small disks, px times the radius in px: measured, Europa of 20 px radius showed 0.47 px falsely.",
+    )
+    step_sigmas: float = _threshold(
+        3.5, "A step of so many sigmas, what is feigned included, is there: 2.3 at most of the same 45 scenes."
+    )
     linearity_laws: float = _threshold(
         0.03,
         "What laws that do not fit feign of the power of the detector's signal, 1-sigma: 0.054 at most on 18 simulated "

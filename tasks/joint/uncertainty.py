@@ -90,17 +90,19 @@ def systematic(
     distortion_px: float = 0.0,
     levels_px: float = 0.0,
     larger: tuple[float, float] = (1.0, 1.0),
+    trail_px: float = 0.0,
 ) -> Array:
     """Variances (8, 8) that are added for what the residuals cannot show. distortion_px: 1-sigma of the distortion
     model near the disk. levels_px: by how much edges lie off in a picture of few grey levels (see
     `displaced_by_levels`). larger: how many times larger the errors of centre and of range are than those of a usual
-    map and PSF (see `times_usual`)."""
+    map and PSF (see `times_usual`). trail_px: length of the trail that was solved for."""
     sigma = np.zeros(MOVING)
     averaged_px = settings.local_px / np.sqrt(radius_px)
-    shared_px = float(np.linalg.norm((settings.distortion_share * distortion_px, levels_px, averaged_px)))
+    by_trail_px = trail_px * settings.trail_radius_px / radius_px
+    shared_px = float(np.linalg.norm((settings.distortion_share * distortion_px, levels_px, averaged_px, by_trail_px)))
     sigma[OFFSET] = np.hypot(settings.centre_px * larger[0], shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px * larger[1], shared_px) / radius_px
-    sigma[ATTITUDE] = settings.attitude_deg
+    sigma[ATTITUDE] = np.hypot(settings.attitude_deg, np.degrees(by_trail_px / radius_px))
     sigma[ROLL] = settings.roll_deg
     return np.diag(sigma**2)
 

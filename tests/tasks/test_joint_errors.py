@@ -234,3 +234,15 @@ def test_how_a_map_lies_in_its_bodys_frame_comes_from_the_body_or_half_a_pixel()
     assert replace(scene, target=unknown).map_frame_deg == pytest.approx(0.5 * 180 / rows)
     plain = replace(scene.basemap, albedo=np.ones_like(scene.basemap.albedo))
     assert replace(scene, target=unknown, basemap=plain).map_frame_deg == 0
+
+
+def test_a_trail_makes_the_errors_of_small_disks_larger() -> None:
+    usual = ONCE.systematic
+    none, small, large = (systematic(usual, radius, trail_px=trail) for radius, trail in ((20, 0), (20, 3), (200, 3)))
+    assert np.sqrt((small - none)[0, 0]) == pytest.approx(3 * usual.trail_radius_px / 20)
+    assert np.sqrt((small - none)[RANGE, RANGE]) == pytest.approx(3 * usual.trail_radius_px / 20**2)
+    assert np.degrees(3 * usual.trail_radius_px / 20**2) == pytest.approx(
+        np.sqrt((small - none)[ATTITUDE, ATTITUDE][0, 0])
+    )
+    assert np.sqrt(large[0, 0]) < 0.04
+    assert np.array_equal(none, systematic(usual, 20))
