@@ -45,6 +45,7 @@ EMPTY: dict[str, Any] = {
     "range_factor": None,
     "attitude_deg": None,
     "roll_deg": None,
+    "roll_by": None,
     "range_factor_free": None,
     "psf_sigma_px": None,
     "uncertainty": {
@@ -130,10 +131,9 @@ def corrected(chain: Chain) -> dict[str, Any]:
     if published is None or report is None:
         return {}
     product, folder = published.result, product_place(chain, published.folder)
-    names = {"cube": f"{folder}/{product.cube}", "overlay": f"{folder}/{product.overlay}"}
     shown = published.step.inputs
     stated = stated_of(report.result, product.correction, shown.scene.camera, shown.pose)
-    return product.correction | stated | names
+    return product.correction | stated | {name: f"{folder}/{getattr(product, name)}" for name in ("cube", "overlay")}
 
 
 def product_place(chain: Chain, folder: Path) -> str:

@@ -69,6 +69,7 @@ class Result(TypedDict):
     range_factor: float | None
     attitude_deg: list[float] | None
     roll_deg: float | None
+    roll_by: dict[str, Any] | None
     range_factor_free: float | None
     psf_sigma_px: float | None
     uncertainty: Uncertainty

@@ -28,8 +28,8 @@ KNOWN_CODES = frozenset(Reason)
 SHOWN_RESULT = (
     "status", "reason", "warnings", "utc", "camera", "target", "profile", "pose_source", "guidance", "centre_px",
     "offset_px", "range_factor", "range_factor_free", "attitude_deg", "roll_deg", "psf_sigma_px", "uncertainty",
-    "orientation", "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "seconds", "image",
-    "patches",
+    "roll_by", "orientation", "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity",
+    "seconds", "image", "patches",
 )  # fmt: skip
 
 

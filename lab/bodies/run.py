@@ -52,6 +52,7 @@ def run_scene(scene: Scene, with_bodies: bool = True, keep: Path | None = None) 
         row: Row = {"id": scene.id, "kind": scene.kind, "status": result["status"], "reason": result["reason"]}
         row["lit_px"] = lit_px_of(scene)
         row["seconds"] = round(time.perf_counter() - begun, 2)
+        row["roll_by"] = result["roll_by"]
         row["centre_error_px"] = row["body_wrong"] = row["shadow_wrong"] = None
         if result.get("centre_px"):
             off = np.array(result["centre_px"]) - scene.centre_px

@@ -113,7 +113,7 @@ def run(inputs: PublishInputs, files: PublishFiles, work: Work) -> PublishResult
     resumed = {"start": found.start.model_dump(mode="json")} if found.start else {}
     stated = calibrated(resumed | {name: result.to_dict() for name, result in found.corrections.items()})
     corrected = summary(inputs.predicted, inputs.pose, camera, stated)
-    corrected |= {"stars": stars_stated(inputs, found, corrected["uncertainty"])}
+    corrected |= {"roll_by": roll_by(found.corrections), "stars": stars_stated(inputs, found, corrected["uncertainty"])}
     publication = Publication(
         product=inputs.product,
         observation=load_observation(files.image_folder),
@@ -157,6 +157,12 @@ def stars_stated(inputs: PublishInputs, found: Found, sigma: Json) -> Json:
     )
     left_out = ("image", "camera", "utc", "missing", "warnings")
     return {name: value for name, value in stars.found.items() if name not in left_out} | apart
+
+
+def roll_by(corrections: dict[str, CorrectionResult]) -> Json | None:
+    """By which other bodies' limbs the last correction had the camera's roll (`RollByOthers`); None where by none."""
+    last = next(reversed(corrections.values()), None)
+    return last.evidence.get("roll_by") if last else None
 
 
 def with_distortion(publication: Publication, folder: Path, undistort: UndistortResult) -> Publication:

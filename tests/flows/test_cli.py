@@ -32,10 +32,9 @@ ARGUMENTS = [
 KEYS = [
     "product", "image", "status", "reason", "camera", "target", "utc", "pose_source", "profile", "warnings",
     "profile_origin", "guidance", "centre_px", "offset_px", "range_factor", "attitude_deg", "roll_deg",
-    "range_factor_free", "psf_sigma_px", "uncertainty", "settled", "orientation", "stars", "bodies", "limb_rms_px",
-    "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "patches", "pose", "cube", "overlay", "tried",
-    "seconds",
-    "cached",
+    "roll_by", "range_factor_free", "psf_sigma_px", "uncertainty", "settled", "orientation", "stars", "bodies",
+    "limb_rms_px", "limb_points", "limb_robust_px", "limb_disagreeing", "similarity", "patches", "pose", "cube",
+    "overlay", "tried", "seconds", "cached",
 ]  # fmt: skip
 
 

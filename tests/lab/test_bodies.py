@@ -14,6 +14,8 @@ def test_bodies_that_the_pose_knows_disturb_no_correction(kind: str) -> None:
     assert row["centre_error_px"] <= BAR_PX
     assert row["body_wrong"] <= 1e-3
     assert row["shadow_wrong"] <= 1e-3
+    if kind == "beside":
+        assert row["roll_by"]["bodies"] == ["jupiter"]
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -15,9 +15,11 @@ from catalog.readers.noise import measured_noise
 from catalog.target import find_target
 from lab.bodies.picture import write_scene
 from lab.bodies.scenes import scene_of
+from tasks.correcting import CorrectionResult
 from tasks.joint.parameters import rolled
 from tasks.joint.roll_by_others import roll_by_others
 from tasks.priors import PriorSettings
+from tasks.publish.step import roll_by
 from tasks.simulate import Scene, SceneSettings
 
 PRIORS = PriorSettings(range_km=None, range_share=0.001, roll_deg=0.2)
@@ -65,6 +67,18 @@ def test_the_roll_is_from_the_predicted_pose_whatever_was_corrected_before(frame
     found = roll_by_others(frame.observation, frame.pose, predicted, frame.scene, PRIORS)
     assert found is not None
     assert found.roll_deg == pytest.approx(-0.15, abs=2 * found.sigma_deg)
+
+
+def test_the_result_states_what_the_last_correction_had_the_roll_by(frame: Frame) -> None:
+    found = roll_by_others(frame.observation, frame.pose, rolled(frame.pose, 0.15), frame.scene, PRIORS)
+    assert found is not None
+    with_it, without = (
+        CorrectionResult(pose=frame.pose, changed={}, evidence=evidence)
+        for evidence in ({"roll_by": found.to_dict()}, {"roll_by": None})
+    )
+    assert roll_by({"joint-1": without, "joint-2": with_it}) == found.to_dict()
+    assert roll_by({"joint-1": with_it, "joint-2": without}) is None
+    assert roll_by({}) is None
 
 
 def test_what_tells_no_more_than_the_prior_or_contradicts_it_is_not_taken(frame: Frame) -> None:

@@ -71,6 +71,7 @@ def test_stars_and_other_bodies_of_a_frame_are_layers(tmp_path: Path) -> None:
     result = {
         "status": "ok",
         "bodies": measured,
+        "roll_by": {"bodies": ["moon"], "roll_deg": 0.1, "sigma_deg": 0.02},
         "stars": {"stars": 1, "matches": [match], "unidentified": [{"x_px": 1, "y_px": 2}]},
     }
     publish(small_publication(pose_after=alone.replaced(bodies=(moon,)), result=result), tmp_path)
@@ -83,6 +84,7 @@ def test_stars_and_other_bodies_of_a_frame_are_layers(tmp_path: Path) -> None:
     np.testing.assert_allclose(away[0], 700 * scale, atol=0.1)
     assert [float(each.max()) for each in away[1:]] == pytest.approx([900 * scale, 1200 * scale], abs=0.1)
     assert other["measured_px"] == [80.5, 200.25]
+    assert page["result"]["roll_by"] == result["roll_by"]
     assert (unidentified["star"], unidentified["xy"]) == (None, [1, 2])
     assert (star["star"], star["xy"], star["magnitude"]) == ("HIP 1", [20.5, 30.25], 7.5)
 

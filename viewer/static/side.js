@@ -45,6 +45,7 @@ export function showSide(page, row) {
     rows.push(["place on the map", `± ${figure(patches.sigma_map_px, 2)} px of the map (${figure(patches.sigma_map_px * patches.map_pixel_km, 2)} km)`]);
     if (!patches.limb_points) rows.push(["close-up", "no limb: a large sigma of the centre says nothing about latitude and longitude"]);
   }
+  if (result.roll_by) rows.push(["roll by limbs of", `${result.roll_by.bodies.join(", ")}: ${figure(result.roll_by.roll_deg, 3)} ± ${figure(result.roll_by.sigma_deg, 3)} deg from the predicted`]);
   if (result.orientation?.markings) rows.push(["orientation", result.orientation.markings]);
   for (const [name, value] of Object.entries(result.guidance ?? {})) if (value !== null && String(value) !== "") rows.push([name.replaceAll("_", " "), value]);
   for (const text of result.warnings ?? []) rows.push(["warning", text]);
