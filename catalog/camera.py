@@ -65,9 +65,9 @@ class Camera(BaseModel):
     size_px: tuple[int, int]
     centre_px: tuple[float, float]
     focal_length_px: float = Field(gt=0)
-    # 1-sigma, relative. Where a camera file says nothing: by so much do published focal lengths of one camera differ
-    # (Cassini NAC 3.7e-4, Galileo SSI 3.8e-4, LORRI 2.0e-4; see the camera files).
-    focal_length_sigma: float = Field(default=3e-4, ge=0, lt=0.1)
+    # 1-sigma, relative. Where a camera file says nothing: two published focal lengths of one camera differ by 6.8e-4
+    # RMS, root of two times it (five cameras: docs/method/uncertainty.md).
+    focal_length_sigma: float = Field(default=5e-4, ge=0, lt=0.1)
     focal_length_mm: float | None = Field(default=None, gt=0)
     pixel_pitch_mm: float | None = Field(default=None, gt=0)
     # Of a camera whose focal length changes: its polynomial in degrees Celsius of the focal plane, mm; and what a

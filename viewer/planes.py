@@ -13,7 +13,7 @@ from catalog.errors import FailedError, RefusedError
 from catalog.reasons import Reason
 from tasks.diagnose.failed_folder import FRAME, failed_folder
 from tasks.publish.contained import reading_product
-from tasks.publish.cube import open_cube
+from tasks.publish.cube import open_cube, plane_values
 from tasks.publish.extra_planes import EXTRA
 from tasks.publish.names import CUBE
 
@@ -145,7 +145,7 @@ class Planes:
         if source is None or name not in source.variables or source[name].shape != cube["image"].shape:
             known = ", ".join(each["name"] for each in self.names(product))
             raise RefusedError(Reason.PLANE_UNKNOWN, f"{product} has no plane {name!r}.", f"It has {known}.")
-        return np.asarray(source[name].values, dtype=np.float32)
+        return np.asarray(plane_values(source, name), dtype=np.float32)
 
     def _simulated(self, product: str, name: str) -> Plane:
         """The simulation in the image's unit, or the residual relative to the disk's bright parts."""
@@ -184,7 +184,7 @@ class Planes:
             return undistorted
         import cv2
 
-        x, y = (np.asarray(cube[each].values, dtype=np.float32) for each in ("place_x", "place_y"))
+        x, y = (np.asarray(plane_values(cube, each), dtype=np.float32) for each in ("place_x", "place_y"))
         found = cv2.remap(undistorted, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
         return np.asarray(found, dtype=np.float32)
 

@@ -10,7 +10,7 @@ RANGE_SIGMA, ATTITUDE_SIGMA_DEG, ROLL_SIGMA_DEG, CUT_SIGMAS = 0.02, 3.0, 0.1, 2.
 GOOD_RANGE_SIGMA, GOOD_ATTITUDE_SIGMA_DEG = 0.003, 0.5
 # What the focal length of a camera file that does not state its error is assumed to be good for, relative
 # (`focal_length_sigma`): that of every scene is off by a draw from it.
-FOCAL_SIGMA = 3e-4
+FOCAL_SIGMA = 5e-4
 
 
 @dataclass(frozen=True)

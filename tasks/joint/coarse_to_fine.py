@@ -132,14 +132,16 @@ def solved_free(given: Problem, start: State) -> tuple[Solution, Level]:
     first = Level.of(given, start, settings.first_diameter_px)
     level = Level.of(given, start, settings.diameter_px)
     if first.n > level.n:
-        start = first.up(solved_at(first, quick, start).state)
-    near = solved_at(level, quick, start)
+        start = first.up(solved_at(first, quick, start, on_the_way=True).state)
+    # Where as few sub-pixels are enough this is the solution itself.
+    on_the_way = (settings.oversample or fine_oversample(start, level.scene, finely)) != quick.settings.oversample
+    near = solved_at(level, quick, start, on_the_way=on_the_way)
     # A vidicon's beam spreads light to one side; taken for a trail, it moves the range (Io by Voyager 1: by 0.08 %).
     blurred = blurred_start(near, settings.smear) if given.distortion.bending is None else None
     if blurred:
-        near = solved_at(level, quick, level.up(blurred))
+        near = solved_at(level, quick, level.up(blurred), on_the_way=on_the_way)
     oversample = settings.oversample or fine_oversample(near.state, level.scene, finely)
-    if oversample == near.model.oversample and near.converged:
+    if oversample == near.model.oversample and near.converged and not on_the_way:
         return replace(near, given=level.problem(given)), level
     return solved_at(level, given.with_settings(oversample=oversample), level.up(near.state), near), level
 
@@ -160,7 +162,7 @@ def with_range_prior(estimate: Estimate, given: Problem) -> Estimate:
     state, errors, prior = estimate.free_state, estimate.free_covariance, given.sigmas[RANGE]
     if estimate.free.held[RANGE] or not np.isfinite(prior):
         return replace(estimate, state=state, covariance=errors)
-    camera, chance = given.scene.camera, given.thresholds.contradiction.chance
+    camera, chance = given.scene.camera, given.thresholds.contradiction.chance_range
     surplus = difference(state, given.metadata, camera)[RANGE]
     others = estimate.common[RANGE, RANGE] + prior**2
     if surplus**2 > chi_square(1, chance) * (errors[RANGE, RANGE] + prior**2):
@@ -172,9 +174,11 @@ def with_range_prior(estimate: Estimate, given: Problem) -> Estimate:
     return replace(estimate, state=product, covariance=errors - np.outer(gain, errors[RANGE]))
 
 
-def solved_at(level: Level, given: Problem, start: State, warm: Solution | None = None) -> Solution:
+def solved_at(
+    level: Level, given: Problem, start: State, warm: Solution | None = None, on_the_way: bool = False
+) -> Solution:
     """`solve_joint` at a level, from a state of the whole image; its result is the level's."""
-    return solve_joint(level.problem(given), level.down(start), warm)
+    return solve_joint(level.problem(given), level.down(start), warm, on_the_way)
 
 
 def coarse(given: Problem) -> Problem:
@@ -204,7 +208,7 @@ def second_start(given: Problem, start: State, estimate: Estimate) -> float | No
     quick = coarse(given).with_free_range().with_settings(max_iterations=limits.second_iterations)
     # The PSF is no question of where the target is: it is the one that was found.
     found_psf = replace(start, psf_sigma_px=estimate.state.psf_sigma_px, trail_px=estimate.state.trail_px)
-    other = solved_at(level, quick, found_psf.moved(step, camera))
+    other = solved_at(level, quick, found_psf.moved(step, camera), on_the_way=True)
     if level.n * np.hypot(*other.left[OFFSET]) + abs(other.left[RANGE]) * radius > limits.disagreement_px / 2:
         return None
     found = level.up(other.state)

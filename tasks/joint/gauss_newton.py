@@ -33,9 +33,10 @@ FIXED = 1e30
 
 @dataclass(frozen=True)
 class Solution:
-    """given: the problem, at the resolution of the solution. state: where the iterations ended; fit: the last linear
-    problem, its last eight columns the unknowns of `parameters.NAMES`, and its problem; model: what it was linearised
-    on; data: the pixels; left: the step (8,) that was not taken any more."""
+    """given: the problem, at the resolution of the solution. state: where the iterations ended, the last small step
+    taken; fit: the last linear problem, its last eight columns the unknowns of `parameters.NAMES`, and its problem;
+    model: what it was linearised on, before that step; data: the pixels; left: the step (8,) that was not taken any
+    more; lessons: how often the variances were learned."""
 
     given: Problem
     state: State
@@ -48,12 +49,14 @@ class Solution:
     left: Array
     converged: bool
     variances: VarianceModel
+    lessons: int
 
 
-def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> Solution:
+def solve_joint(given: Problem, start: State, warm: Solution | None = None, on_the_way: bool = False) -> Solution:
     """Gauss-Newton from `start`, the geometry rendered anew at each step.
 
-    warm: an earlier solution, of other sampling for instance, whose tiles and variances are taken over.
+    warm: an earlier solution, of other sampling for instance, whose tiles and variances are taken over. on_the_way:
+    another solution follows, or only the place is wanted.
     Raises FailedError when too few pixels are usable or the disk leaves the frame.
     """
     scene, settings, limits, held = given.scene, given.settings, given.thresholds.iteration, given.held
@@ -70,7 +73,7 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
     )
     weights = linear.values[: len(model.bases)]
     history: list[Array] = []
-    taken = np.zeros(len(NAMES))
+    taken, lessons = np.zeros(len(NAMES)), warm.lessons if warm else 0
     while True:
         line = Line(given, data, variances.weight(model, data, weights, settings), variances.tiles)
         problem, trails = line.linearised(model, weights, linear)
@@ -79,12 +82,23 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
         lengthening = fit.values[len(fit.values) - len(NAMES) - trails : -len(NAMES)]
         share = bearable(full, lengthening, limits, disk_radius_px(model.state.pose, scene.camera, scene.target))
         step, lengthened = share * full, share * lengthening
-        error = np.sqrt(np.diag(fit.covariance)[-len(NAMES) :])
+        every = np.sqrt(np.diag(fit.covariance))
+        error, of_trail = every[-len(NAMES) :], every[len(every) - len(NAMES) - trails : -len(NAMES)]
         if given.progress:
             given.progress("joint", len(history) + 1, step_text(step))
-        converged = bool((np.abs(step) < np.maximum(limits.at_rest * error, still(limits))).all())
-        converged = converged and bool((np.abs(lengthened) < limits.still_trail_px).all())
-        if converged or len(history) == settings.max_iterations:
+        near = limits.on_the_way if on_the_way else limits.at_rest
+        converged = bool((np.abs(step) < np.maximum(near * error, still(limits))).all())
+        converged = converged and bool((np.abs(lengthened) < np.maximum(near * of_trail, limits.still_trail_px)).all())
+        if converged and lessons < limits.lessons and not on_the_way:
+            # The errors of what is at rest at once are not known yet.
+            variances, lessons = variances.learned(model, data, weights, linear, settings), lessons + 1
+            continue
+        if converged:
+            end, left = model.state.moved(step, scene.camera).trailed(lengthened), np.zeros(len(NAMES))
+            history.append(step)
+            break
+        end, left = model.state, step
+        if len(history) == settings.max_iterations:
             break
         unit = np.where(error > 0, error, np.inf)
         ahead = aitken(step / unit, taken / unit, limits)
@@ -97,11 +111,11 @@ def solve_joint(given: Problem, start: State, warm: Solution | None = None) -> S
         weights = linear.values[: len(model.bases)]
         history.append(taken)
         if len(history) <= limits.learning:
-            variances = variances.learned(model, data, weights, linear, settings)
+            variances, lessons = variances.learned(model, data, weights, linear, settings), lessons + 1
         fresh = tiles_at(model.state, scene, window, layout)
         if fresh.away_px(model.tiles) > limits.stale_px:
             model = replace(model, tiles=fresh)
-    return Solution(given, model.state, fit, problem, model, data, held, history, step, converged, variances)
+    return Solution(given, end, fit, problem, model, data, held, history, left, converged, variances, lessons)
 
 
 def aitken(step: Array, before: Array, limits: IterationThresholds) -> float:

@@ -31,7 +31,14 @@ class IterationThresholds(BaseModel):
     still_psf: float = _threshold(5e-3, "The same of the PSF's width, natural logarithm. Choice.")
     still_trail_px: float = _threshold(0.03, "The same of the trail, px. Choice.")
     at_rest: float = _threshold(
-        0.3, "Steps of this share of their own error, 1-sigma, move nothing that matters: they add 4 % to it."
+        1.0,
+        "A step of this share of its own error, 1-sigma, is the last: it is taken without looking, as the problem is "
+        "linear over so little. The next one would be below 0.3 (measured on four images).",
+    )
+    on_the_way: float = _threshold(
+        2.5,
+        "Where another solution follows, the iteration ends with a step of fewer sigmas. Choice: the next one takes "
+        "what is left.",
     )
     stale_px: float = _threshold(
         0.7,
@@ -40,6 +47,9 @@ class IterationThresholds(BaseModel):
     )
     learning: int = _threshold(
         4, "The variances are learned after so many steps, no more: they and the solution could alternate. Choice."
+    )
+    lessons: int = _threshold(
+        2, "How often the variances are learned at least: where the first step is the last, at the same state. Choice."
     )
     least_parallel: float = _threshold(
         0.97, "Two steps are along one direction from this cosine on, the unknowns in units of their errors. Choice."
@@ -129,6 +139,12 @@ class ContradictionThresholds(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
     chance: float = _threshold(0.01, "Probability of a difference that is taken for a contradiction. Choice.")
+    chance_range: float = _threshold(
+        0.05,
+        "The same of the free range and its prior, from which the free range's own errors are grown. The smaller, the "
+        "more sigmas a wrong camera or radius may move a range that the metadata know: a focal length wrong by 1 % "
+        "moved one with a prior of 0.3 % by 5.8 sigma at 0.01.",
+    )
     chance_doubted: float = _threshold(
         1e-4,
         "The same of product and limb, after the errors of both were grown, that makes the result doubtful. Choice.",

@@ -96,7 +96,8 @@ def systematic(
     `displaced_by_levels`). larger: how many times larger the errors of centre and of range are than those of a usual
     map and PSF (see `times_usual`)."""
     sigma = np.zeros(MOVING)
-    shared_px = float(np.hypot(settings.distortion_share * distortion_px, levels_px))
+    averaged_px = settings.local_px / np.sqrt(radius_px)
+    shared_px = float(np.linalg.norm((settings.distortion_share * distortion_px, levels_px, averaged_px)))
     sigma[OFFSET] = np.hypot(settings.centre_px * larger[0], shared_px)
     sigma[RANGE] = np.hypot(settings.limb_px * larger[1], shared_px) / radius_px
     sigma[ATTITUDE] = settings.attitude_deg

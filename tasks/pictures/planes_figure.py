@@ -10,6 +10,7 @@ from catalog.observation import UNUSABLE, Quality
 from tasks.pictures.canvas import BLUE, ORANGE, RED
 from tasks.pictures.product import opened_cube
 from tasks.pictures.sheet import Bar, Extent, Sheet, coloured
+from tasks.publish.cube import plane_values
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -44,14 +45,14 @@ def planes_figure(folder: Path) -> Sheet:
         part = cube.isel(_around_the_body(cube))
         sheet = Sheet(2, 4, CELL_PX, f"{cube.attrs['product']}: planes of the cube")
         for number, (name, label, colours) in enumerate(PANELS):
-            _draw(sheet, number, part[name].values, _extent(part), label, colours)
-        _draw_flags(sheet, len(PANELS), part["quality"].values, _extent(part))
+            _draw(sheet, number, plane_values(part, name), _extent(part), label, colours)
+        _draw_flags(sheet, len(PANELS), plane_values(part, "quality"), _extent(part))
     return sheet
 
 
 def _around_the_body(cube: "xr.Dataset") -> dict[str, slice]:
     """The body with a margin, not more pixels than the figure can show."""
-    on_body = (cube["quality"].values & np.uint16(Quality.OFF_BODY)) == 0
+    on_body = (plane_values(cube, "quality") & np.uint16(Quality.OFF_BODY)) == 0
     chosen = {}
     for dimension, axis in (("y", 1), ("x", 0)):
         filled = np.flatnonzero(on_body.any(axis=axis))

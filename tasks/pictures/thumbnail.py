@@ -7,6 +7,7 @@ import numpy as np
 
 from catalog.observation import Quality
 from tasks.pictures.product import opened_cube
+from tasks.publish.cube import plane_values
 from tasks.publish.overlay import grey_limits, greys
 
 if TYPE_CHECKING:
@@ -28,7 +29,7 @@ def thumbnail_of(cube: "xr.Dataset") -> bytes:
     """The square PNG of a cube's image; of the whole frame where no pixel is known to be off the body."""
     import cv2
 
-    image, quality = cube["image"].values, cube["quality"].values
+    image, quality = plane_values(cube, "image"), plane_values(cube, "quality")
     step = max(max(image.shape) // SAMPLED_PX, 1)
     low, high = grey_limits(image[::step, ::step])
     on_body = (quality & np.uint16(Quality.OFF_BODY)) == 0

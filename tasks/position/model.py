@@ -12,7 +12,7 @@ from catalog.plain_files import own_json
 from catalog.reasons import Reason
 from tasks.project.uncertainty import PoseUncertainty
 from tasks.publish.contained import reading_product
-from tasks.publish.cube import open_cube
+from tasks.publish.cube import open_cube, plane_values
 from tasks.publish.cube_model import CubeModel, model_of
 from tasks.publish.names import CUBE
 from tasks.publish.product import no_cube_in
@@ -70,7 +70,7 @@ class PositionModel:
         if self.cube is None or name not in self.cube:
             return None
         if name not in self._read:
-            self._read[name] = self.cube[name].values
+            self._read[name] = plane_values(self.cube, name)
         return self._read[name]
 
 

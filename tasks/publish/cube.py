@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from catalog.target import Target
 from catalog.times import now_utc, utc_from_et
-from tasks.publish.contained import reading_cube
+from tasks.publish.contained import DAMAGE, damage_refused, reading_cube
+from tasks.publish.names import CUBE
 from tasks.publish.plain_cube import PlainCube, Plane
 from tasks.publish.planes import cube_arrays
 from tasks.publish.publication import NOT_RESAMPLED, SENSOR, Publication
@@ -74,6 +76,16 @@ def open_cube(path: "Path | str", chunked: bool = True) -> "xr.Dataset":
         return opened()
     with reading_cube(Path(path)):
         return opened()
+
+
+def plane_values(cube: "xr.Dataset", name: str) -> NDArray[Any]:
+    """Values of a plane of a cube that `open_cube` opened, or of a part of it. Raises RefusedError where its chunks are
+    damaged, which shows only when they are read."""
+    try:
+        return np.asarray(cube[name].values)
+    except DAMAGE as error:
+        opened = Path(str(cube.encoding.get("source", cube.attrs.get("product", "memory"))))
+        raise damage_refused(opened.parent if opened.name == CUBE else opened, error) from error
 
 
 def _pixel_attributes(name: str, direction: str) -> dict[str, str]:

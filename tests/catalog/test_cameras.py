@@ -83,6 +83,6 @@ def test_cameras_tell_how_well_their_focal_length_is_known() -> None:
         assert "focal_length_sigma" in camera.model_fields_set, name
         assert 1e-5 <= camera.focal_length_sigma <= 1e-3, name
     plain = {"name": "own", "size_px": [9, 9], "centre_px": [4, 4], "focal_length_px": 100}
-    assert camera_from_dict(plain, "own").focal_length_sigma == 3e-4
+    assert camera_from_dict(plain, "own").focal_length_sigma == 5e-4
     with pytest.raises(RefusedError, match="focal_length_sigma"):
         camera_from_dict({**plain, "focal_length_sigma": -1e-4}, "own")

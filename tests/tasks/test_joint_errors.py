@@ -112,9 +112,22 @@ def test_the_systematic_part_grows_with_the_blur_and_with_what_the_map_gets_wron
     usual = ONCE.systematic
     assert times_usual(usual, 0.8, 0.5 * usual.limb_gain) == (1, 1)
     assert times_usual(usual, 3.0, 4 * usual.limb_gain) == pytest.approx((12, 6))
-    once, thrice = (np.diag(systematic(usual, 80.0, larger=k)) for k in ((1.0, 1.0), (3.0, 2.0)))
+    shared = usual.model_copy(update={"local_px": 0.0})
+    once, thrice = (np.diag(systematic(shared, 80.0, larger=k)) for k in ((1.0, 1.0), (3.0, 2.0)))
     assert np.sqrt(thrice[: RANGE + 1] / once[: RANGE + 1]) == pytest.approx([3, 3, 2])
     assert np.array_equal(thrice[RANGE + 1 :], once[RANGE + 1 :])
+
+
+def test_what_errs_apart_along_the_limb_averages_out_on_large_disks() -> None:
+    usual = ONCE.systematic
+    shared = usual.model_copy(update={"local_px": 0.0})
+    for radius_px in (10.0, 160.0):
+        added = np.diag(systematic(usual, radius_px) - systematic(shared, radius_px))
+        averaged_px = usual.local_px / np.sqrt(radius_px)
+        assert added[: RANGE + 1] == pytest.approx(
+            [averaged_px**2, averaged_px**2, (averaged_px / radius_px) ** 2], rel=1e-9
+        )
+        assert not added[RANGE + 1 :].any()
 
 
 @pytest.mark.parametrize(("noise", "least", "most"), [(0.0, 0.0, 0.02), (0.2, 0.07, 0.3)])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -47,8 +48,8 @@ def test_a_solution_that_fits_worse_than_where_the_other_start_ends_is_reported(
 def test_a_start_that_is_caught_where_the_image_fits_worse_raises_no_doubt(monkeypatch: pytest.MonkeyPatch) -> None:
     solve = coarse_to_fine.solved_at
 
-    def caught(*arguments: object) -> Solution:
-        other = solve(*arguments)
+    def caught(*arguments: Any, **options: Any) -> Solution:
+        other = solve(*arguments, **options)
         state = other.state.moved(AWAY, CAMERA)
         return replace(other, state=state, model=replace(other.model, state=state))
 

@@ -34,9 +34,10 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("many") / "out"
     for number in range(PRODUCTS):
         name = f"C{number:04d}"
-        sigma = {"centre_px": [0.02 * number, 0.01]}
+        sigma = {"centre_px": [0.02 * number, 0.01], "range_factor": 0.00123}
+        found = {"limb_rms_px": 0.1, "range_factor": 0.99892935, "centre_px": [61.23456, 59.87654]}
         if number < 2:
-            publish(small_publication(name, result={"status": "ok", "uncertainty": sigma, "limb_rms_px": 0.1}), folder)
+            publish(small_publication(name, result={"status": "ok", "uncertainty": sigma, **found}), folder)
             continue
         shutil.copytree(folder / "C0001", folder / name)
         result = {"status": "doubtful" if number % 5 == 0 else "ok", "uncertainty": sigma, "limb_rms_px": 0.1 * number}
@@ -67,6 +68,8 @@ def view(page: Page) -> Iterator[View]:
 def test_a_store_is_opened_and_looked_through(view: View, address: str, capsys: pytest.CaptureFixture[str]) -> None:
     first_s = view.open(address)
     assert view.text("#product-name") == "C0000"
+    assert "range factor0.9989 ± 0.0012" in view.text("#values")  # no digits beyond the sigma's second
+    assert "centre, px(61.235, 59.877) ± (0, 0.010)" in view.text("#values")
     assert view.text("#count").startswith(f"{PRODUCTS} of {PRODUCTS}")
     x, y = view.middle("#picture")
     view.press("9")
@@ -119,7 +122,7 @@ def test_layers_stretches_and_views_are_drawn(view: View, address: str, tmp_path
     middle = view.middle("#picture")
     view.press("m")
     view.drag((middle[0] - 30, middle[1]), (middle[0] + 40, middle[1] + 20))
-    assert "km on the surface" in view.text("#hover")
+    view.wait("document.querySelector('#hover').textContent.includes('km on the surface')")
     view.press("m")
     view.click("#picture")
     view.wait("document.querySelectorAll('#pins tbody tr').length === 1")

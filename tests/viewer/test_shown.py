@@ -22,13 +22,18 @@ from lab.simulate.independent import independent_image
 from tasks.diagnose.failed_folder import FRAME, failed_folder, frame_dataset, note_result
 from tasks.guidance.prefect_run import note_run, noted_run
 from tasks.pictures.flow_vectors import flow_vectors
+from tasks.pictures.planes_figure import planes_figure
 from tasks.pictures.product import Product
+from tasks.pictures.thumbnail import write_thumbnail
+from tasks.position.model import read_position_model
+from tasks.position.position import positions_of_pixels
 from tasks.publish import publish
 from tasks.publish.cube import write_group
 from tasks.simulate import Scene
 from tasks.validate import ValidateSettings
 from viewer.export import export_store
 from viewer.notebook import view
+from viewer.planes import Planes
 from viewer.product import advice_of
 from viewer.table import Neighbours, why_worst, worst_of
 
@@ -223,3 +228,17 @@ def test_shifts_of_the_markings_are_those_that_were_planted() -> None:
     true_px, here_px = (camera.project(pose.target_in_camera_km) for pose in (true, after))
     assert len(found.xy_px) > 20
     np.testing.assert_allclose(np.median(found.shift_px, axis=0), true_px - here_px, atol=0.1)
+
+
+def test_a_plane_that_does_not_decompress_is_damage_wherever_it_is_read(tmp_path: Path) -> None:
+    publish(small_publication("C0001"), tmp_path)
+    (tmp_path / "C0001/cube.zarr/image/c/0/0").write_bytes(b"no compressed pixels")
+    (tmp_path / "C0001/cube.zarr/latitude/c/0/0").write_bytes(b"no compressed pixels")
+    for damaged in (
+        lambda: Planes(tmp_path).plane("C0001", "latitude"),
+        lambda: write_thumbnail(tmp_path / "C0001", tmp_path / "small.png"),
+        lambda: planes_figure(tmp_path / "C0001"),
+        lambda: positions_of_pixels(read_position_model(tmp_path / "C0001"), [[60.0, 60.0]]),
+    ):
+        with pytest.raises(RefusedError, match=r"the cube in .*C0001 cannot be read .*decompress"):
+            damaged()

@@ -87,6 +87,7 @@ export class Hover {
     const pixels = Math.hypot(to[0] - from[0], to[1] - from[1]), { page } = this.picture;
     const ends = [from, to].map(([x, y]) => this.values(Math.round(x), Math.round(y)));
     let text = `${pixels.toFixed(2)} px`;
+    if (!page.failed && ends.some((end) => end && end.latitude === undefined)) return `${text}, …`;
     if (ends.every((end) => end && Number.isFinite(end.latitude))) {
       const [a, b] = ends.map((end) => [end.latitude, end.longitude].map((angle) => (angle * Math.PI) / 180));
       const half = Math.sin((b[0] - a[0]) / 2) ** 2 + Math.cos(a[0]) * Math.cos(b[0]) * Math.sin((b[1] - a[1]) / 2) ** 2;

@@ -22,7 +22,7 @@ const guarded = (work) => (...given) => Promise.resolve(work(...given)).catch(fa
 const picture = new Picture(of("picture"), {
   hover: (place) => { const begun = performance.now(); hover.move(place); times.hovered.push(performance.now() - begun); if (times.hovered.length > 500) times.hovered.shift(); },
   click: guarded(async (place) => { if (help.open && !state.about.read_only) help.put(place); else await hover.pin(place); }),
-  loaded: () => { hover.move(hover.at); picture.legend(of("legend-bar"), of("legend-text")); showPlaneFault(); },
+  loaded: () => { if (picture.measure) showDistance(); else hover.move(hover.at); picture.legend(of("legend-bar"), of("legend-text")); showPlaneFault(); },
   drawn: (page) => { times.opened.push({ product: page.product, ms: performance.now() - state.chosenAt }); afterFirstPicture(page); },
   dragKind: (place, at) => {
     if (picture.swipe !== null && Math.abs(at[0] - picture.swipe * picture.width) < 10) return "swipe";
@@ -32,8 +32,7 @@ const picture = new Picture(of("picture"), {
   drag: (kind, place, step, first) => {
     if (kind === "measure") {
       picture.measure = first ? [place, place] : [picture.measure[0], place];
-      of("hover").textContent = picture.measured = hover.distance(picture.measure);
-      picture.redraw();
+      showDistance();
     } else help.drag(kind, place, step);
   },
 });
@@ -44,6 +43,12 @@ const table = new Table({ table: of("table"), head: of("table-head"), body: of("
 });
 const plot = new Plot({ canvas: of("plot"), x: of("plot-x"), y: of("plot-y"), count: of("plot-count") }, { chosen: guarded(choose) });
 const sheet = new Sheet(of("sheet-view"), { chosen: guarded(choose) });
+
+// Also once the coordinates of both ends are there.
+function showDistance() {
+  of("hover").textContent = picture.measured = hover.distance(picture.measure);
+  picture.redraw();
+}
 
 function counted(page) {
   const counts = Object.entries(page.counts).map(([name, count]) => `${count} ${name}`).join(", ");

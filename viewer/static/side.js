@@ -2,11 +2,23 @@
 const of = (id) => document.getElementById(id);
 const figure = (value, digits = 5) => typeof value === "number" ? String(Number(value.toPrecision(digits))) : String(value);
 export const list = (value, digits) => Array.isArray(value) ? `(${value.map((each) => figure(each, digits)).join(", ")})` : figure(value, digits);
+// A value with its sigma, both to the second digit of the sigma; elements of a list each by its own.
+function measured(value, sigma, digits) {
+  if (sigma === null || sigma === undefined) return list(value, digits);
+  const values = [value].flat(), sigmas = [sigma].flat();
+  const decimals = values.map((_, index) => {
+    const own = sigmas.length === 1 ? sigmas[0] : sigmas[index];
+    return typeof own === "number" && own > 0 ? Math.min(Math.max(1 - Math.floor(Math.log10(own)), 0), 12) : null;
+  });
+  const shown = (numbers, plain) => numbers.map((each, index) => typeof each === "number" && decimals[index] !== null ? each.toFixed(decimals[index]) : figure(each, plain));
+  const text = (numbers, many, plain) => Array.isArray(many) ? `(${shown(numbers, plain).join(", ")})` : shown(numbers, plain)[0];
+  return `${text(values, value, digits)} ± ${text(sigmas, sigma, 2)}`;
+}
 
 const VALUES = [
   ["camera", "camera"], ["target", "target"], ["time", "utc"], ["pose from", "pose_source"], ["profile", "profile"],
   ["disk radius, px", "radius_px", 4], ["phase, deg", "phase_deg", 4],
-  ["centre, px", "centre_px"], ["offset, px", "offset_px"], ["range factor", "range_factor", 8], ["range, free", "range_factor_free", 6],
+  ["centre, px", "centre_px"], ["offset, px", "offset_px"], ["range factor", "range_factor", 6], ["range, free", "range_factor_free", 6],
   ["roll, deg", "roll_deg"], ["attitude, deg", "attitude_deg", 3], ["PSF sigma, px", "psf_sigma_px", 3],
   ["limb rms, px", "limb_rms_px", 3], ["limb, robust, px", "limb_robust_px", 3], ["limb points", "limb_points"], ["limb share that disagrees", "limb_disagreeing", 3],
 ];
@@ -44,7 +56,7 @@ export function showSide(page, row) {
     const differs = second !== undefined && second !== null && String(second) !== String(value) ? `\nother: ${list(second, digits)}` : "";
     const rank = page.ranks?.[RANKS[key]];
     const place = rank >= 0.9 ? `\n${key === "centre_px" ? "sigma " : ""}larger than ${Math.floor(100 * rank)} % of this camera's` : "";
-    line.insertCell().textContent = list(key === "utc" ? String(value).slice(0, 19).replace("T", " ") : value, digits) + (sigma !== null && sigma !== undefined ? ` ± ${list(sigma, 2)}` : "") + differs + place;
+    line.insertCell().textContent = measured(key === "utc" ? String(value).slice(0, 19).replace("T", " ") : value, sigma, digits) + differs + place;
     return line;
   }));
   of("decisions").replaceChildren(...(page.decisions ?? []).map((decision) => {
