@@ -36,6 +36,7 @@ MJDS: dict[str, Place] = {
     "MJD-AVG": "middle", "EXPMID": "middle", "MJD-BEG": "start", "EXPSTART": "start", "MJD-END": "end", "EXPEND": "end",
     "MJD-OBS": "start",
 }  # fmt: skip
+LONE_DAYS = {"MJD": 0.0, "JD": 2400000.5}
 LENGTHS = ("XPOSURE", "EXPTIME", "TELAPSE")
 UNITS_S = {"S": 1.0, "MIN": 60.0, "H": 3600.0, "D": 86400.0, "MS": 1e-3}
 OLD_DAY = re.compile(r"(\d{2})/(\d{2})/(\d{2})")
@@ -48,6 +49,8 @@ IS_END = re.compile(r"\b(end|stop|finish)\b", re.IGNORECASE)
 def fits_exposure_time(header: Mapping[str, Any], comments: Mapping[str, str]) -> ExposureTime:
     """The middle of the exposure that the header's keywords agree on. comments: of the keywords."""
     claims = [*_dates(header, comments), *_mjds(header, comments), *_relative(header)]
+    if all(each.et is None for each in claims):
+        claims += _lone(header, comments)
     fault = _fault_of_scale(header)
     if fault:
         claims = [TimeClaim(c.keyword, c.value, c.place, fault=fault) for c in claims]
@@ -80,8 +83,9 @@ def _fault_of_scale(header: Mapping[str, Any]) -> str:
 
 
 def _place(keyword: str, comments: Mapping[str, str], usual: Place) -> Place:
-    """What a keyword's time is of; DATE-OBS and MJD-OBS may be explained in their comment."""
-    comment = comments.get(keyword, "") if keyword.endswith(("-OBS", "_OBS")) else ""
+    """What a keyword's time is of; DATE-OBS, MJD-OBS and those of no convention may be explained in their comment."""
+    may_be = keyword.endswith(("-OBS", "_OBS")) or keyword in (*LONE_DAYS, "ET")
+    comment = comments.get(keyword, "") if may_be else ""
     if IS_MIDDLE.search(comment):
         return "middle"
     return "end" if IS_END.search(comment) else usual
@@ -123,21 +127,37 @@ def _with_time_of_day(
 
 def _mjds(header: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[TimeClaim]:
     for keyword, usual in MJDS.items():
-        days = number(header, keyword)
-        if days is None:
-            continue
-        place = _place(keyword, comments, usual)
-        try:
-            et = et_from_mjd(days, _scale(header) or "utc") if 0 <= days < 1e5 else None
-        except ValueError:
-            et = None
-        if et is None:
-            yield TimeClaim(keyword, f"{days}", place, fault="it is no time of an exposure")
-        elif days == int(days):
-            fault = "it is a day without a time of day"
-            yield TimeClaim(keyword, f"{days:.0f}", place, fault=fault, day_et=et)
-        else:
-            yield checked(TimeClaim(keyword, f"{days}", place, et))
+        yield from _days(header, comments, keyword, usual, 0.0)
+
+
+def _lone(header: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[TimeClaim]:
+    """Times of no convention, which count where nothing else tells: MJD and JD, and ET in seconds past J2000, TDB; of
+    the start of the exposure unless their comment says otherwise."""
+    for keyword, zero in LONE_DAYS.items():
+        yield from _days(header, comments, keyword, "start", zero)
+    et = number(header, "ET")
+    if et is not None:
+        yield checked(TimeClaim("ET", f"{et}", _place("ET", comments, "start"), et))
+
+
+def _days(
+    header: Mapping[str, Any], comments: Mapping[str, str], keyword: str, usual: Place, zero: float
+) -> Iterator[TimeClaim]:
+    """What a keyword of days says, counted from the modified Julian day's zero less `zero` days."""
+    value = number(header, keyword)
+    if value is None:
+        return
+    days, place = value - zero, _place(keyword, comments, usual)
+    try:
+        et = et_from_mjd(days, _scale(header) or "utc") if 0 <= days < 1e5 else None
+    except ValueError:
+        et = None
+    if et is None:
+        yield TimeClaim(keyword, f"{value}", place, fault="it is no time of an exposure")
+    elif days == int(days):
+        yield TimeClaim(keyword, f"{value:.10g}", place, fault="it is a day without a time of day", day_et=et)
+    else:
+        yield checked(TimeClaim(keyword, f"{value}", place, et))
 
 
 def _relative(header: Mapping[str, Any]) -> Iterator[TimeClaim]:

@@ -14,6 +14,9 @@ from catalog.reasons import Reason
 
 MAGIC = b"\x93NUMPY"
 MAX_HEADER_BYTES = 10_000
+# So few numbers along the last axis alone are planes of a picture (grey and alpha, red, green, blue and alpha), as
+# matplotlib, Pillow and OpenCV lay them out.
+MOST_LAST = 4
 GIVE_NUMBERS = "Save whole numbers or reals: np.save(path, array.astype('f4'))."
 
 
@@ -25,20 +28,25 @@ class NpyReader:
         return head.startswith(MAGIC)
 
     def read(self, path: Path, plane: str | None = None) -> Reading:
-        """Pixels of an array (ny, nx), or of one plane of (planes, ny, nx)."""
+        """Pixels of an array (ny, nx), or of one plane of (planes, ny, nx) or (ny, nx, planes)."""
         dtype, shape, fortran, offset = _header(path)
         while len(shape) > 2 and 1 in shape:
             shape = _without_ones(shape)
         if len(shape) not in (2, 3) or (fortran and len(shape) != 2):
             fault = f"image {path}: its array has the shape {shape}."
             raise RefusedError(Reason.IMAGE_NOT_2D, fault, "Save one picture (lines, samples).")
-        planes = shape[0] if len(shape) == 3 else 1
-        lines, samples = checked_shape(path, *shape[-2:])
+        planes_last = len(shape) == 3 and shape[2] <= MOST_LAST < min(shape[:2])
+        planes = 1 if len(shape) == 2 else shape[2 if planes_last else 0]
+        lines, samples = checked_shape(path, *(shape[:2] if planes_last else shape[-2:]))
         if planes > MAX_BANDS:
             raise unreadable(path, f"its array has {planes} planes")
         number = chosen_plane(path, [""] * planes, plane)
         size = lines * samples * dtype.itemsize
         check_end(path, offset + planes * size)
+        if planes_last:
+            raw = bytes_at(path, offset, planes * size, "its last line")
+            picture = np.frombuffer(raw, dtype).reshape(lines, samples, planes)[..., number]
+            return Reading(format="npy", image=np.ascontiguousarray(picture), raw_dn=dtype.kind in "iu")
         raw = bytes_at(path, offset + number * size, size, "its last line")
         pixels = np.frombuffer(raw, dtype)
         picture = pixels.reshape(samples, lines).T if fortran else pixels.reshape(lines, samples)

@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 LIT_SIDE_COSINE = 0.6
 # A disk whose terminator is this near its limb is round: all of the limb is seen.
 ROUND_PX = 0.25
+# Where too little of a lit limb is in the frame, one whose terminator is this near is measured all round instead: the
+# Sun's own error of 2 deg moves such an edge by less (R sin(phase) 2 deg: 0.3 px of 110 px radius at 4 deg).
+NEARLY_ROUND_PX = 0.5
 # How a limb steps is measured on so many pixels on each side of it. In front of a bright body it may be as bright as
 # that; where less than this share of what the brightness changes along a segment is at the limb, its edge is another's
 # (measured on moons as bright as the planet behind: edges are 0.1 px off above, 0.3 to 1 px below).
@@ -84,19 +87,33 @@ def edges_between(match: Match, model: Array, settings: LimbSettings) -> LimbEdg
     return LimbEdges(segments.chosen(measured), shift[measured], len(segments), model)
 
 
+def terminator_px(phase_deg: float, radius_px: float) -> float:
+    """How far inside the limb the terminator of a disk is at most, pixels; inf of half a disk and less."""
+    return radius_px * (1 - np.cos(np.radians(phase_deg))) if phase_deg < 90 else np.inf
+
+
 def lit_limit_deg(phase_deg: float, settings: LimbSettings, radius_px: float = np.inf) -> float:
     """Largest incidence of a limb point that is compared; 180, all of them, where the terminator of a disk of radius_px
     is nowhere farther than ROUND_PX inside the limb."""
-    if phase_deg < 90 and np.isfinite(radius_px) and radius_px * (1 - np.cos(np.radians(phase_deg))) <= ROUND_PX:
+    if np.isfinite(radius_px) and terminator_px(phase_deg, radius_px) <= ROUND_PX:
         return 180.0
     sub_solar_side = 90 - np.degrees(np.arcsin(LIT_SIDE_COSINE * np.sin(np.radians(min(phase_deg, 90.0)))))
     return float(max(settings.max_incidence_deg, min(sub_solar_side, 89.5)))
 
 
 def usable_segments(segments: Segments, match: Match, model: Array, settings: LimbSettings) -> Segments:
-    """Lit segments wholly on usable pixels whose simulated step stands out of the noise."""
+    """Lit segments that stand out; where they are too few and the terminator is nearly the limb, those all round."""
     radius_px = disk_radius_px(match.pose, match.scene.camera, match.scene.target)
-    lit = segments.chosen(segments.incidence_deg < lit_limit_deg(match.pose.phase_deg, settings, radius_px))
+    phase_deg = match.pose.phase_deg
+    lit = segments.chosen(segments.incidence_deg < lit_limit_deg(phase_deg, settings, radius_px))
+    found = standing_out(lit, match, model, settings)
+    if len(found) < settings.points_needed(radius_px) and terminator_px(phase_deg, radius_px) <= NEARLY_ROUND_PX:
+        return standing_out(segments, match, model, settings)
+    return found
+
+
+def standing_out(lit: Segments, match: Match, model: Array, settings: LimbSettings) -> Segments:
+    """Segments wholly on usable pixels whose simulated step stands out of the noise."""
     usable = profiles(match.known.astype(np.float64), lit, match.origin, settings.half_px)
     steps = profiles(model, lit, match.origin, settings.half_px)
     clear = (usable == 1).all(axis=1)

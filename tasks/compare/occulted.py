@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from catalog.observation import UNUSABLE, Observation, Quality
 from catalog.pose import Pose
+from tasks.compare.sky import is_uneven_sky
 from tasks.project.curves import limb
 from tasks.simulate import Scene
 from tasks.simulate.window import Window, disk_radius_px, target_window
@@ -38,6 +39,8 @@ DARK_PERCENT, BRIGHT_PERCENT, BRIGHT_OF_DISK = 0.2, 99.5, 0.25
 # A rim that is brighter than the dark level by fewer sigmas of a cell's mean is dark.
 NOISE_SIGMAS = 6.0
 SWEEPS = 24
+# The night side: within so much of the radius, the Sun's height below minus so much of its sine; so many pixels tell.
+INSIDE, BELOW, LEAST_OF_NIGHT = 0.85, 0.2, 12
 
 
 @dataclass(frozen=True)
@@ -68,7 +71,8 @@ class Occulted:
 
 def light_behind(observation: Observation, pose: Pose, scene: Scene, window: Window) -> Occulted | None:
     """What is behind the target at `pose`, under `window`; None where its surroundings are dark (see
-    `SceneSettings.behind_share`), which nearly all images are."""
+    `SceneSettings.behind_share`), which nearly all images are, or bright by an uneven sky that the target's night side
+    does not hide."""
     share = scene.settings.behind_share
     if share is None:
         return None
@@ -84,12 +88,36 @@ def light_behind(observation: Observation, pose: Pose, scene: Scene, window: Win
     image = around.crop(observation.image)
     if bright_share(image, usable, rim, limit) < LEAST_OF_RIM:
         return None
+    night = usable & night_side(pose, scene, around)
+    if not is_hidden(image, night, rim, dark) and is_uneven_sky(observation):
+        return None
     known, smooth = usable & (outside > gap), without_single_pixels(image, usable)
     light = continued(smooth, known) - np.float32(dark)
     near = outside <= gap
     sigma = np.where(near, scatter_near(smooth, known, gap), 0).astype(np.float32)
     here = window.moved(-around.x0, -around.y0)
     return Occulted(here.crop(light), here.crop(near, fill=False), here.crop(sigma), dark, limit - dark)
+
+
+def night_side(pose: Pose, scene: Scene, window: Window) -> Mask:
+    """Pixels (ny, nx) well inside the disk on which the Sun is well below the horizon, the body taken for a sphere."""
+    radius = disk_radius_px(pose, scene.camera, scene.target)
+    x0, y0 = scene.camera.project(pose.target_in_camera_km) - (window.x0, window.y0)
+    ny, nx = window.shape
+    y, x = np.mgrid[:ny, :nx]
+    across, down = (x - x0) / radius, (y - y0) / radius
+    square = across**2 + down**2
+    sun = pose.camera_from_j2000 @ pose.sun_from_target_km
+    height = across * sun[0] + down * sun[1] - np.sqrt(np.maximum(1 - square, 0)) * sun[2]
+    return np.asarray((square < INSIDE**2) & (height < -BELOW * np.linalg.norm(sun)), np.bool_)
+
+
+def is_hidden(image: Image, night: Mask, rim: Mask, dark: float) -> bool:
+    """Whether the target's night side is darker than half of the light beside it, or too little of it is seen to
+    tell."""
+    if np.count_nonzero(night) < LEAST_OF_NIGHT:
+        return True
+    return float(np.median(image[night])) - dark < (float(np.median(image[rim])) - dark) / 2
 
 
 def scatter_near(image: Image, known: Mask, gap_px: float) -> Image:

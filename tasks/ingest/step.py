@@ -54,6 +54,14 @@ def run(inputs: IngestInputs, files: ImageFiles, _: Work) -> IngestResult:
     Raises RefusedError when camera or target stay unknown."""
     frame = frame_of(inputs.image, files)
     if frame.camera is None:
+        if frame.label.get("SCANTYPE") == "TDI":
+            raise RefusedError(
+                Reason.CAMERA_UNKNOWN,
+                f"image {frame.path}: SCANTYPE = TDI: its lines were exposed one after the other while the spacecraft "
+                "turned, and no camera of one moment, whatever --camera names, has its geometry.",
+                "Give a frame of a framing detector (of New Horizons: LORRI, or MVIC's framing array), or correct the "
+                "scan with a line-scan model, such as ISIS has.",
+            )
         why = f", and {frame.unclear['camera']}" if "camera" in frame.unclear else ""
         raise RefusedError(
             Reason.CAMERA_UNKNOWN,

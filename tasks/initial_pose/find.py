@@ -125,7 +125,7 @@ def find_pose(
     contradicts = apart_deg is not None and apart_deg >= settings.same_sigmas * sun_sigma
     if apart_deg is not None and by_time.sun_from_target_km is not None and not contradicts:
         pose = pose.replaced(sun_from_target_km=by_time.sun_from_target_km)
-        sun_sigma = settings.map.sigma_deg
+        sun_sigma = settings.time_sun_sigma_deg
     priors = priors.model_copy(update={"sun_deg": min(sun_sigma, LINEAR_SUN_DEG)})
     found_by = evidence_of_parts(found, pose, scene, search, report, et)
     found_by |= {"time": by_time.source, "sun_by_time_apart_deg": apart_deg}

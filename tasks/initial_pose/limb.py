@@ -129,7 +129,9 @@ def points_along(edges: Edges, values: Array, reach: float) -> Array:
     curvature = left - 2 * here + right
     peak = np.where(curvature < 0, 0.5 * (left - right) / np.minimum(curvature, -1e-12), 0.0).clip(-1, 1)
     step = max(FALL_SIGMAS * edges.noise, FALL_SHARE * edges.span)
-    good = (here > step) & (here >= left) & (here >= right) & (seen & known).all(axis=1)
+    # A gap elsewhere on the profile is no fault of the edge: a mark on a small disk would else hide half of its limb.
+    around = best[:, None] + np.arange(2 * beside + 1)
+    good = (here > step) & (here >= left) & (here >= right) & np.take_along_axis(seen & known, around, 1).all(axis=1)
     outside = profile[rows, np.minimum(best + 3 * beside, profile.shape[1] - 1)] - edges.dark
     inside = profile[rows, np.maximum(best - beside, 0)] - edges.dark
     good &= outside < 0.7 * inside

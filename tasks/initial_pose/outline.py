@@ -71,7 +71,7 @@ def find_outline(
     of it leaves its radius unknown.
     """
     edges = edges_of(observation, settings.edge_sigmas)
-    disks = find_disks(edges, settings, radius_px)[:CANDIDATES]
+    disks = candidates(find_disks(edges, settings, radius_px))
     outlines = [each for disk in disks if (each := outline_of(edges, disk, target, radius_px))]
     outlines.sort(key=lambda each: -each.quality)
     least_deg = settings.arc_deg if radius_px is None else settings.known_arc_deg
@@ -85,6 +85,13 @@ def find_outline(
     best = borne_out[0]
     others = [each for each in borne_out[1:] if is_apart(each, best) and each.quality > RIVAL_SHARE * best.quality]
     return Found(best, others[0] if others else None)
+
+
+def candidates(disks: list[Disk]) -> list[Disk]:
+    """The disks that are looked at: those of which the longest limb is seen, and those of which the largest share of
+    their limb is; without these a small disk is lost among the longer edges of a frame."""
+    by_share = sorted(disks[CANDIDATES:], key=lambda disk: -disk.score / disk.radius_px)
+    return [*disks[:CANDIDATES], *by_share[:CANDIDATES]]
 
 
 def outline_of(edges: Edges, disk: Disk, target: Target, radius_px: float | None = None) -> Outline | None:

@@ -62,7 +62,9 @@ class ImagePoseSettings(BaseModel):
     """The pose that is found in the image itself. limb, map: see there. sun_sigma_deg: 1-sigma of a body's direction to
     the Sun by terminator and shading, laws and markings included, at the least; rough_sun_deg: the same where least
     squares on the whole disk do not come to rest, mostly near opposition, where shading tells little (on four
-    simulated images at 3 deg of phase the Sun came out 2 to 10 deg off). same_sigmas: what differs by less than so many
+    simulated images at 3 deg of phase the Sun came out 2 to 10 deg off); time_sun_sigma_deg: the same about each axis
+    where time and orientation place the Sun (41 simulated images of bodies up to 1.7 deg off their rotation model: RMS
+    0.6 deg). same_sigmas: what differs by less than so many
     sigmas is the same: range and Sun of the time and of the image, the limb's circle and the whole disk's.
     range_prior_times, range_prior_share: the corrections look at the same limb again, and what it showed beforehand is
     no second measurement of the range: its prior is so many times as wide as its error, and at least this share (that
@@ -71,6 +73,7 @@ class ImagePoseSettings(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
     sun_sigma_deg: float = Field(1.0, gt=0)
     rough_sun_deg: float = Field(6.0, gt=0)
+    time_sun_sigma_deg: float = Field(0.7, gt=0)
     same_sigmas: float = Field(4.0, gt=0)
     range_prior_times: float = Field(4.0, ge=1)
     range_prior_share: float = Field(0.02, gt=0)

@@ -90,6 +90,9 @@ def test_timesys_of_other_names() -> None:
         ({"DATE-OBS": "1997-02-30T00:00:00"}, "DATE-OBS"),
         ({"DATE-OBS": "1997-09-23T12:00:60"}, "DATE-OBS"),
         ({"MJD-OBS": -5.5}, "MJD-OBS"),
+        ({"MJD": 50714}, "MJD = 50714: it is a day without a time of day"),
+        ({"JD": 50714.3}, "JD = 50714.3: it is no time"),
+        ({"ET": 4e12}, "ET"),
         ({"DATE-OBS": WHEN, "DATE-AVG": "1987-09-23T14:05:21"}, "contradict"),
     ],
 )
@@ -126,6 +129,11 @@ def test_words_for_the_unknown_say_nothing(word: str) -> None:
         ({"TSTART": 100.0, "TSTOP": 140.0, "MJDREFI": 50714, "MJDREFF": mjd(WHEN) - 50714}, 120.0),
         ({"TSTART": 0.0, "EXPTIME": 40.0, "DATEREF": WHEN}, 20.0),
         ({"DATE-OBS": f"{WHEN}Z"}, 0.0),
+        ({"MJD": mjd(WHEN)}, 0.0),
+        ({"JD": mjd(WHEN) + 2400000.5, "EXPTIME": 40.0}, 20.0),
+        ({"DATE-OBS": DAY, "MJD": mjd(WHEN)}, 0.0),
+        ({"ET": by_astropy(WHEN, "utc")}, 0.0),
+        ({"DATE-OBS": WHEN, "MJD": mjd(WHEN) + 3, "JD": 1.5, "ET": 0.25}, 0.0),
     ],
 )
 def test_start_middle_and_end_are_kept_apart(header: dict[str, Any], middle: float) -> None:
@@ -138,6 +146,12 @@ def test_the_comment_of_date_obs_says_what_it_is_of() -> None:
     header = {"DATE-OBS": WHEN, "EXPTIME": 40.0}
     for comment, middle in (("UTC, middle of the exposure", 0.0), ("end of obs", -20.0), ("calendar start", 20.0)):
         assert et_of(header, {"DATE-OBS": comment}) == pytest.approx(et_from_utc(WHEN) + middle, abs=1e-5)
+
+
+def test_the_comment_of_a_lone_time_says_what_it_is_of() -> None:
+    header = {"MJD": mjd(WHEN), "EXPTIME": 40.0}
+    assert et_of(header) == pytest.approx(et_from_utc(WHEN) + 20, abs=2e-3)
+    assert et_of(header, {"MJD": "mid-exposure"}) == pytest.approx(et_from_utc(WHEN), abs=2e-3)
 
 
 def test_midnight_stays_midnight_where_nothing_else_is_a_time_of_day() -> None:

@@ -352,6 +352,16 @@ def test_npy(kind: str, order: Any, tmp_path: Path) -> None:
     same(tmp_path / "a.npy", pixels)
 
 
+@pytest.mark.parametrize("planes", [2, 3, 4])
+def test_npy_of_colours_has_its_planes_last(planes: int, tmp_path: Path) -> None:
+    pixels = np.stack([PICTURE + 3 * each for each in range(planes)], axis=-1).astype("f4")
+    np.save(tmp_path / "a.npy", pixels)
+    for each in range(planes):
+        same(tmp_path / "a.npy", pixels[..., each], plane=str(each + 1))
+    with pytest.raises(RefusedError, match=f"it has {planes} planes"):
+        read_frame(tmp_path / "a.npy")
+
+
 def test_npy_with_objects_is_never_loaded(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([[{}, print]], object), allow_pickle=True)
     with pytest.raises(RefusedError, match=r"a\.npy.*np\.save"):

@@ -5,12 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from astropy.io import fits
 
 from catalog.camera import find_camera
 from catalog.pose import POSE_KEYS, Pose
 from catalog.target import find_target
 from flows.chain import Chain
 from flows.image import Corrected, corrected_or_explained
+from flows.one_image import one_result
+from flows.progress import Silent
 from flows.request import Request
 from flows.verdict import doubts
 from tasks.accept.rest import at_rest
@@ -22,7 +25,7 @@ from tasks.record import Record
 from tasks.registry import ATTITUDE, DIAGNOSE, JOINT
 from tasks.scene_inputs import UNIFORM, SceneFiles, SceneInputs
 from tasks.simulate import SceneSettings
-from tasks.step import AnyStep
+from tasks.step import AnyStep, run
 from tasks.validate.limb import LimbFigures
 from tasks.validate.step import OrientationReport, Similarity, ValidateResult
 from tasks.validate.sun import SunReport
@@ -122,3 +125,15 @@ def test_a_move_from_behind_the_camera_has_no_pixels_and_is_not_at_rest() -> Non
     moved = CorrectionResult(pose=POSE, changed={"offset_px": [float("nan"), float("nan")]}, uncertainty={})
     assert moved.model_dump(mode="json")["changed"] == {"offset_px": [None, None]}
     assert not at_rest([moved], StillSettings())
+
+
+def test_a_scan_s_refusal_does_not_ask_for_a_camera_that_cannot_help(tmp_path: Path) -> None:
+    """As New Horizons' MVIC takes its colour pictures."""
+    header = fits.Header({"HOSTNAME": "NEW HORIZONS", "INSTRU": "mvi", "SCANTYPE": "TDI", "TARGET": "IO"})
+    fits.writeto(tmp_path / "mc1.fits", np.ones((20, 30), np.float32), header)
+    request = Request(image=tmp_path / "mc1.fits", store=tmp_path / "store", cache=tmp_path / "cache")
+    result = one_result(request, Silent(), run_step=run)
+    assert result["status"] == "refused"
+    assert "SCANTYPE = TDI" in result["reason"]
+    assert "Give --camera" not in result["reason"]
+    assert "line-scan" in result["reason"]

@@ -93,6 +93,22 @@ def test_a_small_crescent_before_an_uneven_sky_is_found() -> None:
     assert apart_deg(outline.sun.azimuth_deg, outline.sun.phase_deg, 130.0, phase_deg) < 8.0
 
 
+@pytest.mark.parametrize("has_gap", [False, True])
+def test_a_small_disk_is_not_lost_among_the_edges_of_a_frame(has_gap: bool) -> None:
+    """Lines, as a vidicon's borders and marks: nearly all pairs of edges that are drawn are of them. A gap on the limb
+    hides what it covers, not the limb beside it."""
+    centre, size = (190.4, 121.7), 700
+    picture = np.full((size, size), 10.0)
+    picture[: SIZE[1], : SIZE[0]] = disk(centre, 14.0, 180.0, 110.0, lommel_seeliger)
+    for start in (300, 490, 680):
+        picture[start : start + 4, 20:620] = 100
+    gap = np.zeros(picture.shape, bool)
+    gap[119:124, 175:180] = has_gap
+    outline = find_outline(flagged(observed(picture, 2.0), gap), EUROPA, SETTINGS.limb).outline
+    assert np.abs(outline.limb.centre_px - np.array(centre)).max() < 2.0
+    assert abs(np.log(outline.limb.mean_px / 14.0)) < 0.25
+
+
 def noise_alone() -> Observation:
     return observed(np.full(SIZE[::-1], 20.0), 3.0)
 

@@ -7,9 +7,11 @@ from hypothesis import strategies as st
 from scipy.special import erf
 
 from catalog.errors import FailedError
-from tasks.compare.limb_edges import LimbEdges, LimbSettings, edge_position, lit_limit_deg
+from lab.simulate.small_world import observation_of, scene_of, small_camera, true_pose
+from tasks.compare.limb_edges import LimbEdges, LimbSettings, edge_position, lit_limit_deg, measure_limb
 from tasks.compare.limb_errors import EDGE_PX, coherent_px, most_coherent_px
 from tasks.compare.limb_fit import fit_limb
+from tasks.compare.match import match_scene
 from tasks.compare.segments import Segments, profiles
 
 SETTINGS = LimbSettings()
@@ -65,6 +67,19 @@ def test_the_lit_side_counts_at_low_phase_and_the_incidence_at_high() -> None:
     assert lit_limit_deg(0.0, SETTINGS) == 89.5
     assert lit_limit_deg(10.0, SETTINGS, radius_px=100) == lit_limit_deg(10.0, SETTINGS)  # a dark rim of 1.5 px
     assert lit_limit_deg(3.0, SETTINGS, radius_px=100) == 180  # of 0.14 px
+
+
+@pytest.mark.parametrize(("phase_deg", "is_measured"), [(5.0, True), (12.0, False)])
+def test_a_nearly_full_disk_whose_lit_limb_is_outside_is_measured_by_the_rest(
+    phase_deg: float, is_measured: bool
+) -> None:
+    """The terminator is 0.3 px inside the limb of 80 px radius at 5 deg of phase, 1.7 px at 12 deg."""
+    camera = small_camera()
+    scene, pose = scene_of(camera), true_pose(camera, (112.0, 205.0), phase_deg=phase_deg, sun_azimuth_deg=90.0)
+    edges = measure_limb(match_scene(observation_of(scene, pose), scene, pose), SETTINGS)
+    assert (len(edges.shift_px) > 100) is is_measured
+    if is_measured:
+        assert np.abs(edges.shift_px).mean() < 0.15
 
 
 def edges_with(offset: tuple[float, float], growth: float, noise: float = 0.0, arc_deg: float = 180.0) -> LimbEdges:

@@ -103,6 +103,21 @@ def test_light_that_optics_scatter_around_a_small_disk_is_no_body_behind_it(diam
     assert light_behind(seen, truth, scene, framed_window(scene, truth)) is None
 
 
+@pytest.mark.parametrize("hides", [False, True])
+def test_a_bright_uneven_sky_that_the_night_side_does_not_hide_is_no_body_behind(hides: bool) -> None:
+    """As beside Neptune in Voyager's C1201656: stray light brighter than half of the crescent's."""
+    truth = true_pose(CAMERA, (108.4, 101.7), phase_deg=110.0)
+    light = clean_image(SCENE, truth) - np.float32(SKY_DN)
+    full = truth.replaced(sun_from_target_km=-1000 * truth.target_from_spacecraft_km)
+    covered = independent_image(CAMERA, SCENE.target, full, {"lommel-seeliger": 1.0}, uniform_map())
+    nx, ny = CAMERA.size_px
+    y, x = np.mgrid[:ny, :nx]
+    sky = 100 * (x / nx) ** 2 + 20 * (y / ny)
+    seen = observed(SKY_DN + light + sky * (1 - covered if hides else 1), 2.0)
+    found = light_behind(seen, truth, SCENE, framed_window(SCENE, truth))
+    assert (found is not None) is hides
+
+
 @pytest.mark.parametrize("ratio", RATIOS)
 def test_light_behind_is_the_planets_as_if_no_moon_were_there(ratio: float) -> None:
     window = framed_window(SCENE, TRUTH)
