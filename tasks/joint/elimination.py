@@ -261,7 +261,11 @@ def _evaluate(design, n, gains, target, base, ends, order, values, own, huber, o
                 if n <= j < n + gains:
                     for i in range(size):
                         factor[i] += share * column[i]
-            seen, sure, first = target[begin : begin + size], base[begin : begin + size], design[n, begin : begin + size]
+            seen, sure, first = (
+                target[begin : begin + size],
+                base[begin : begin + size],
+                design[n, begin : begin + size],
+            )
             places = order[begin : begin + size]
             for i in range(size):
                 left = seen[i] - np.float32(total[i])
