@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from tasks.compare.occulted import finer
-from tasks.joint.derivatives import changes_of_place
+from tasks.joint.derivatives import changes_of_place, trail_columns
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.problem import Problem
-from tasks.joint.smear import trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
