@@ -66,7 +66,7 @@ class Camera(BaseModel):
     centre_px: tuple[float, float]
     focal_length_px: float = Field(gt=0)
     # 1-sigma, relative. Where a camera file says nothing: two published focal lengths of one camera differ by 6.8e-4
-    # RMS (Cassini NAC, Galileo SSI, LORRI, Voyager 1 WAC, MDIS WAC: docs/method/uncertainty.md), root of two times it.
+    # RMS, root of two times it (five cameras: docs/method/uncertainty.md).
     focal_length_sigma: float = Field(default=5e-4, ge=0, lt=0.1)
     focal_length_mm: float | None = Field(default=None, gt=0)
     pixel_pitch_mm: float | None = Field(default=None, gt=0)

@@ -1,7 +1,7 @@
 """How fast the projection is, and how well it agrees with SPICE, on this machine."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,10 +14,10 @@ from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from catalog.spice import kernel_pool
 from catalog.target import Target
-from lab.benchmark.reference import project_planes_with_numpy
 from lab.benchmark.spice_oracle import project_with_spice, write_kernels
-from tasks.project.backplanes import ANGLES, Backplanes
+from tasks.project.backplanes import ANGLES, PLANES, Backplanes, Window, full_window
 from tasks.project.curves import limb_points
+from tasks.project.pixels import project_pixels
 from tasks.project.planes import project_planes
 
 EUROPA = Target(name="europa", naif_id=502, radii_km=(1562.6, 1560.3, 1559.5))
@@ -143,3 +143,12 @@ def _largest(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
     off = a - b
     off[:, 1] = ((off[:, 1] + 180) % 360 - 180) * np.cos(np.radians(a[:, 0]))
     return float(np.nanmax(np.abs(off)))
+
+
+def project_planes_with_numpy(
+    pose: Pose, camera: Camera, target: Target, window: Window | None = None, planes: Sequence[str] = PLANES
+) -> Backplanes:
+    """As `project_planes`, whole arrays at a time: the intersection for all pixels, the angles where they hit."""
+    x0, y0, x1, y1 = window = window or full_window(camera)
+    xy = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1).astype(np.float64)
+    return Backplanes(window, project_pixels(pose, camera, target, xy, planes))

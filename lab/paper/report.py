@@ -4,6 +4,7 @@ import json
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,7 @@ from catalog.reasons import Reason
 from catalog.settings import cache_folder, data_folder
 from catalog.times import now_utc
 from lab.paper.page import page
-from lab.paper.parts import PARTS, part
-from lab.paper.section import Context, Section, Tell
+from lab.paper.section import Context, Part, Section, Tell
 
 JSON_FILE, PAGE_FILE, FIGURES = "paper.json", "index.html", "figures"
 REPORT = "report"
@@ -91,3 +91,22 @@ def in_json(section: Section) -> dict[str, Any]:
         return section.content
     compared = [asdict(each) | {"difference": each.difference} for each in section.compared]
     return section.content | {"compared": compared}
+
+
+PARTS: dict[str, str] = {
+    "table1": "lab.paper.table1",
+    "reseau": "lab.paper.reseau",
+    "table2": "lab.paper.table2",
+    "flow": "lab.paper.flow",
+    "projection": "lab.paper.projection",
+    "similarity": "lab.paper.similarity",
+    "limb": "lab.paper.limb",
+    "methods": "lab.paper.methods",
+    "published": "lab.paper.published",
+}
+
+
+def part(name: str) -> Part:
+    """The function that makes the part `name`; imported when it is wanted."""
+    found: Part = getattr(import_module(PARTS[name]), name)
+    return found

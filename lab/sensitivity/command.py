@@ -11,7 +11,10 @@ if TYPE_CHECKING:
 # Small disks of three laws, phases and lenses, with good and rough metadata.
 SCENES = ("laws-032", "laws-104", "laws-140")
 # One of each kind that a threshold guards against; those that decide nothing on the scenes above are tried on these.
-KINDS = ("smeared-002", "wrong-map-002", "detector-002", "small-002", "no-map-004", "distorted-002", "cut-003")
+KINDS = (
+    "smeared-002", "wrong-map-002", "detector-002", "small-002", "no-map-004", "distorted-002", "cut-003", "relief-000",
+    "wrong-shape-006", "recording-037", "shadows-002", "crescents-003",
+)  # fmt: skip
 
 
 def register(app: typer.Typer) -> None:
@@ -35,7 +38,7 @@ def sensitivity(
 ) -> None:
     """Halve and double each threshold of the joint step on images with known truth; write what that does to errors and
     their calibration. First on small disks; then those that decide nothing there, on a scene of each kind of fault.
-    One process, about half an hour."""
+    One process, about three quarters of an hour."""
     import sys
 
     from catalog.errors import RefusedError

@@ -37,16 +37,16 @@ def bilinear_at(albedo, left_edge_deg, latitude_deg, longitude_deg):  # type: ig
 
 
 @compiled
-def places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y):  # type: ignore[no-untyped-def]
-    """Fill columns `x` (wrapped) and rows `y` (n,), 0-based, of an equirectangular map from `begin` to `end`, at
-    body-fixed points px, py, pz (n,), which are `flat` (n,) from the axis. left_edge_deg: 0 to 360."""
+def places_on_map(px, py, pz, flat, left_edge_deg, albedo, x, y):  # type: ignore[no-untyped-def]
+    """Fill columns `x` (wrapped) and rows `y` (n,), 0-based, of an equirectangular map, at body-fixed points px, py, pz
+    (n or more,), which are `flat` (n or more,) from the axis. left_edge_deg: 0 to 360."""
     columns_per_deg, rows_per_deg = albedo.shape[1] / 360.0, albedo.shape[0] / 180.0
-    for j in range(begin, end):
+    for j in range(len(x)):
         east = atan2_deg(py[j], px[j]) - left_edge_deg
         east = (east + 360.0) if east < 0.0 else east
         east = (east + 360.0) if east < 0.0 else east
         x[j] = east * columns_per_deg - 0.5
-    for j in range(begin, end):
+    for j in range(len(x)):
         y[j] = (90.0 - atan2_deg(pz[j], flat[j])) * rows_per_deg - 0.5
 
 
@@ -79,6 +79,6 @@ def _values_towards(albedo, left_edge_deg, px, py, pz, out):  # type: ignore[no-
     flat, x, y = np.empty(len(out)), np.empty(len(out)), np.empty(len(out))
     for i in range(len(out)):
         flat[i] = max(math.sqrt(px[i] * px[i] + py[i] * py[i]), 1e-300)
-    places_on_map(px, py, pz, flat, 0, len(out), left_edge_deg, albedo, x, y)
+    places_on_map(px, py, pz, flat, left_edge_deg, albedo, x, y)
     for i in range(len(out)):
         out[i] = bilinear(albedo, x[i], y[i])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tasks.joint.parameters import OFFSET, PSF, RANGE, ROLL
 from tasks.simulate.pixels import detect, filtered, pixel_weights
+from tasks.simulate.trail import Trail, smeared
 
 Image = NDArray[np.float32]
 Weights = NDArray[np.float64]
@@ -50,3 +51,16 @@ def _differenced(weights: Weights, oversample: int) -> Weights:
 def _places(count: int, oversample: int) -> Weights:
     """Where the weights' sub-pixels are, pixels from the pixel's middle."""
     return (np.arange(count) - (count - 1) / 2) / oversample
+
+
+# Half of the difference, px, from which the image's change with the trail is taken.
+TRAIL_STEP_PX = 0.25
+
+
+def trail_columns(sharp: Image, trail_px: Trail) -> Image:
+    """Change per pixel of the trail's x and y (2, ny, nx) of the image that is `sharp` (ny, nx) without it."""
+    changes = []
+    for x, y in ((TRAIL_STEP_PX, 0.0), (0.0, TRAIL_STEP_PX)):
+        more, less = (smeared(sharp, (trail_px[0] + sign * x, trail_px[1] + sign * y)) for sign in (1, -1))
+        changes.append((more - less) / np.float32(2 * TRAIL_STEP_PX))
+    return np.stack(changes)

@@ -93,28 +93,34 @@ def _eliminate(design, n, target, base, given, ends, values, own, huber, prior, 
         used = n if t == 0 else n + local
         while begin < end:
             size = min(end - begin, block)
+            # Views whose indices count from 0: of others the compiler would have to ask whether they are negative.
+            sure = base[begin : begin + size]
             for j in range(used):
+                row, column = rows[j], design[j, begin : begin + size]
                 for i in range(size):
-                    rows[j, i] = design[j, begin + i]
+                    row[i] = column[i]
+            row, column = rows[used], target[begin : begin + size]
             for i in range(size):
-                rows[used, i] = target[begin + i]
+                row[i] = column[i]
             if len(values) > 0:
                 total[:size] = 0
                 for j in range(used):
-                    share = values[j] if j < n else own[t - 1, j - n]
+                    share, row = values[j] if j < n else own[t - 1, j - n], rows[j]
                     for i in range(size):
-                        total[i] += share * rows[j, i]
+                        total[i] += share * row[i]
+                row = rows[used]
                 for i in range(size):
-                    left = np.float32(rows[used, i]) - np.float32(total[i])
-                    off = max(abs(left) * math.sqrt(base[begin + i]), LEAST)
-                    weight[i] = base[begin + i] * min(ONE, np.float32(huber) / off)
+                    left = np.float32(row[i]) - np.float32(total[i])
+                    off = max(abs(left) * math.sqrt(sure[i]), LEAST)
+                    weight[i] = sure[i] * min(ONE, np.float32(huber) / off)
             elif len(given) > 0:
+                column = given[begin : begin + size]
                 for i in range(size):
-                    off = max(abs(given[begin + i]) * math.sqrt(base[begin + i]), LEAST)
-                    weight[i] = base[begin + i] * min(ONE, np.float32(huber) / off)
+                    off = max(abs(column[i]) * math.sqrt(sure[i]), LEAST)
+                    weight[i] = sure[i] * min(ONE, np.float32(huber) / off)
             else:
                 for i in range(size):
-                    weight[i] = base[begin + i]
+                    weight[i] = sure[i]
             # Two rows of products by four columns at a time: each is read from the cache a half or a quarter as often.
             for j in range(0, used + 1, 2):
                 first, second = rows[j], rows[j + 1]
@@ -249,19 +255,26 @@ def _evaluate(design, n, gains, target, base, ends, order, values, own, huber, o
             factor[:size] = 0
             for j in range(width if t > 0 else n):
                 share = values[j] if j < n else own[t - 1, j - n]
+                column = design[j, begin : begin + size]
                 for i in range(size):
-                    total[i] += share * design[j, begin + i]
+                    total[i] += share * column[i]
                 if n <= j < n + gains:
                     for i in range(size):
-                        factor[i] += share * design[j, begin + i]
+                        factor[i] += share * column[i]
+            seen, sure, first = (
+                target[begin : begin + size],
+                base[begin : begin + size],
+                design[n, begin : begin + size],
+            )
+            places = order[begin : begin + size]
             for i in range(size):
-                left = target[begin + i] - np.float32(total[i])
-                at = order[begin + i]
-                size_of = abs(left) * math.sqrt(base[begin + i])
+                left = seen[i] - np.float32(total[i])
+                at = places[i]
+                size_of = abs(left) * math.sqrt(sure[i])
                 residual[at] = left
-                weight[at] = base[begin + i] * min(ONE, limit / max(size_of, LEAST))
+                weight[at] = sure[i] * min(ONE, limit / max(size_of, LEAST))
                 cost += size_of * size_of if size_of <= limit else limit * (2 * size_of - limit)
-                if t > 0 and design[n, begin + i] != 0:
-                    gain[at] = factor[i] / design[n, begin + i]
+                if t > 0 and first[i] != 0:
+                    gain[at] = factor[i] / first[i]
             begin += size
     return cost

@@ -149,7 +149,8 @@ def brightness_problem(
     model: Model, data: Cutout, weights: Array, local_prior: Array, settings: JointSettings
 ) -> LinearProblem:
     """The problem of the linear unknowns alone: weights of laws and wings, light hidden, background, tiles."""
-    columns = model.columns(weights)
+    bright = model.brightness(weights)
+    columns = model.columns(weights, bright)
     prior = np.zeros(len(columns))
     laws = len(model.bases)
     prior[:laws] = (settings.law_weight * data.bright) ** -2
@@ -160,7 +161,7 @@ def brightness_problem(
     if model.hides:
         share, sigma = data.hidden_share
         prior[laws - 1], expected[laws - 1] = 1 / (settings.hidden_sigma**2 + sigma**2), share
-    local, limits = model.local(weights), settings.thresholds
+    local, limits = model.local(bright), settings.thresholds
     return LinearProblem(data.image, columns, local, model.tiles, prior, expected, local_prior, settings.huber, limits)
 
 

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from catalog.pose import Pose
 from catalog.rotation import rotation_from_vector_deg
 from tasks.compare.occulted import finer
-from tasks.joint.derivatives import changes_of_place
+from tasks.joint.derivatives import changes_of_place, trail_columns
 from tasks.joint.parameters import ATTITUDE, NAMES, State
 from tasks.joint.problem import Problem
-from tasks.joint.smear import trail_columns
 from tasks.joint.surface import FineSurface, fine_surface
 from tasks.joint.tiles import Tiles
 from tasks.simulate import Scene
@@ -70,10 +69,11 @@ class Model:
         """The same with what the disk takes away of light behind it."""
         return np.tensordot(np.asarray(weights, np.float32), self.bases, 1)
 
-    def columns(self, weights: NDArray) -> Image:
+    def columns(self, weights: NDArray, bright: Image) -> Image:
         """Images of the linear unknowns (k + w + b + s, ny, nx): bases, what light scattered widely adds to the disk of
-        the bases' weights (k,), background, and what the disk changes by per degree of the Sun's direction."""
-        return np.concatenate([self.bases, self.scattered(weights), self.background, self.turned_sun(weights)])
+        the bases' weights (k,), whose brightness is `bright` (ny, nx), background, and what the disk changes by per
+        degree of the Sun's direction."""
+        return np.concatenate([self.bases, self.scattered(bright), self.background, self.turned_sun(weights)])
 
     def turned_sun(self, weights: NDArray) -> Image:
         """Change of the disk (s, ny, nx) per degree of turn of the Sun's direction, at the bases' weights (k,)."""
@@ -84,18 +84,16 @@ class Model:
             out[number] = smeared(detect(change, self.oversample, self.state.psf_sigma_px), self.state.trail_px)
         return out
 
-    def scattered(self, weights: NDArray) -> Image:
-        """The disk blurred widely less the disk (w, ny, nx), one for each width of `wings_px`."""
+    def scattered(self, bright: Image) -> Image:
+        """The disk, `bright` (ny, nx), blurred widely less the disk (w, ny, nx), one for each width of `wings_px`."""
         import cv2
 
-        bright = self.brightness(weights)
         wide = [cv2.GaussianBlur(bright, (0, 0), width, borderType=cv2.BORDER_REPLICATE) for width in self.wings_px]
         return np.array([image - bright for image in wide], np.float32).reshape(-1, *bright.shape)
 
-    def local(self, weights: NDArray) -> Image:
-        """Images of a tile's unknowns (LOCAL, ny, nx), at the bases' weights (k,): gain, its two slopes, and an even
-        veil as bright as the disk."""
-        bright = self.brightness(weights)
+    def local(self, bright: Image) -> Image:
+        """Images of a tile's unknowns (LOCAL, ny, nx), where the disk is `bright` (ny, nx): gain, its two slopes, and
+        an even veil as bright as the disk."""
         veil = np.full_like(bright, bright.max())
         return np.stack([bright, bright * self.tiles.along, bright * self.tiles.across, veil])
 

@@ -111,30 +111,34 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
             begin += 1
         while end > begin and cover[i, end - 1] <= 0:
             end -= 1
-        # Few arrays in each loop: the compiler must know that none overlaps another.
-        for j in range(begin, end):
-            u = first[0] + j * step
+        # Few arrays in each loop: the compiler must know that none overlaps another. Indices count from 0: of others it
+        # would have to ask whether they are negative.
+        size, first_u = end - begin, first[0] + begin * step
+        within, mu_here, mu0_here = inside[begin:end], mu[i, begin:end], mu0[i, begin:end]
+        value_here, change_here = value[i, begin:end], change[:, i, begin:end]
+        for j in range(size):
+            u = first_u + j * step
             dx, dy, dz = vx + ax * u, vy + ay * u, vz + az * u
             cx, cy, cz, half_chord2, q = closest_approach(ox, oy, oz, dx, dy, dz)
-            t = -math.sqrt(inside[j]) / q
+            t = -math.sqrt(within[j]) / q
             sx, sy, sz = cx + t * dx, cy + t * dy, cz + t * dz
             length = 1 / math.sqrt(sx * sx + sy * sy + sz * sz)
             px[j], py[j], pz[j] = sx * length * rx, sy * length * ry, sz * length * rz
-        emission_cosines(px, py, pz, begin, end, first[0], step, (vx, vy, vz), (ax, ay, az), radii, mu[i])
-        incidence_cosines(px, py, pz, begin, end, sun, radii, mu0[i])
-        for j in range(begin, end):
+        emission_cosines(px, py, pz, first_u, step, (vx, vy, vz), (ax, ay, az), radii, mu_here)
+        incidence_cosines(px, py, pz, sun, radii, mu0_here)
+        for j in range(size):
             flat[j] = max(math.sqrt(px[j] * px[j] + py[j] * py[j]), 1e-6)
-        places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)
-        for j in range(begin, end):
-            if mu0[i, j] <= 0 and not night:
+        places_on_map(px, py, pz, flat, left_edge_deg, albedo, x[:size], y[:size])
+        for j in range(size):
+            if mu0_here[j] <= 0 and not night:
                 continue
-            at_x, at_y, emission = x[j], y[j], np.float64(mu[i, j])
+            at_x, at_y, emission = x[j], y[j], np.float64(mu_here[j])
             cosine, sine, tangent = px[j] / flat[j], py[j] / flat[j], pz[j] / flat[j]
             stretch = math.sqrt(1 + tangent * tangent)
             # Near the limb a sub-pixel covers a long strip of ground, away from the spacecraft: average along it.
             strips = int(min(0.6 / max(emission, 0.06), 10.0)) if emission < 0.3 else 1
             if strips > 1:
-                u = first[0] + j * step
+                u = first_u + j * step
                 ex, ey, ez = (vx + ax * u) * rx, (vy + ay * u) * ry, (vz + az * u) * rz
                 e = 1 / math.sqrt(ex * ex + ey * ey + ez * ez)
                 nx, ny, nz = px[j] * inverse2_x, py[j] * inverse2_y, pz[j] * inverse2_z
@@ -147,15 +151,15 @@ def _trace(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg
                 for k in range(strips):
                     at = (2 * k + 1.0) / strips - 1.0
                     total += bilinear(albedo, at_x + at * east, at_y - at * north)
-                value[i, j] = total / strips
+                value_here[j] = total / strips
             else:
-                value[i, j] = bilinear(albedo, at_x, at_y)
+                value_here[j] = bilinear(albedo, at_x, at_y)
             # Per radian of longitude and latitude; then by the places that a turn of the body brings under the ray.
             wide = min(half_step * stretch, map_columns / 8.0)
             per_longitude = (bilinear(albedo, at_x + wide, at_y) - bilinear(albedo, at_x - wide, at_y)) / (2 * wide)
             per_longitude *= columns_per_rad
             above, below = bilinear(albedo, at_x, at_y - half_step), bilinear(albedo, at_x, at_y + half_step)
             per_latitude = (above - below) / (2 * half_step) * rows_per_rad
-            change[0, i, j] = degree * (per_longitude * cosine * tangent - per_latitude * sine)
-            change[1, i, j] = degree * (per_longitude * sine * tangent + per_latitude * cosine)
-            change[2, i, j] = -degree * per_longitude
+            change_here[0, j] = degree * (per_longitude * cosine * tangent - per_latitude * sine)
+            change_here[1, j] = degree * (per_longitude * sine * tangent + per_latitude * cosine)
+            change_here[2, j] = -degree * per_longitude

@@ -57,15 +57,15 @@ def noise_covariance(problem: LinearProblem, fit: Fit, variance: Array) -> Array
     """Covariance (8, 8) of the unknowns that move the image by the pixels' noise alone, of `variance` (ny, nx): what
     another exposure of the same scene would draw anew. Errors of map and laws, which the weights hold too, are not in
     it."""
-    label, bread = problem.tiles.label, scaled_inverse(fit.normal)
-    used = fit.weight > 0
-    tile, columns = label[used], problem.columns[:, used].astype(np.float64)
-    inside = tile >= 0
-    local = problem.local[:, used][:, inside].astype(np.float64)
+    label, weight = problem.tiles.label.ravel(), fit.weight.ravel()
+    inside = label >= 0
+    step = scaled_inverse(fit.normal)[-MOVING:]
+    pull = step @ problem.columns.reshape(len(problem.columns), -1)
     # What the tiles' own unknowns take up is no pull on the others.
-    columns[:, inside] -= np.einsum("lp,pln->np", local, fit.by_others[tile[inside]])
-    pull = columns * (fit.weight[used] * np.sqrt(variance[used]))
-    return np.asarray(bread @ (pull @ pull.T) @ bread)[-MOVING:, -MOVING:]
+    for part, column in zip((fit.by_others @ step.T).transpose(1, 2, 0), problem.local, strict=True):
+        pull[:, inside] -= part[:, label[inside]] * column.ravel()[inside]
+    pull *= np.where(weight > 0, weight * np.sqrt(variance.ravel()), 0)
+    return np.asarray(pull @ pull.T)
 
 
 def _scores(problem: LinearProblem, fit: Fit) -> Array:

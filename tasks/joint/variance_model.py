@@ -15,7 +15,6 @@ from tasks.joint.tile_prior import first_prior, learned_prior
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-BISECTIONS = 10
 MEDIAN_CHI2 = 0.455  # of one degree of freedom
 
 
@@ -109,17 +108,7 @@ def _steepness(bright: Image) -> Image:
 
 
 def _surplus(residual: NDArray, noise: NDArray, size: NDArray, most: float) -> float:
-    """Share (0 to `most`) of `size` by which residuals are off beyond their noise, 1-sigma, from their median."""
-
-    def excess(share: float) -> float:
-        return float(np.median(residual**2 / np.maximum(noise**2 + (share * size) ** 2, 1e-12))) - MEDIAN_CHI2
-
-    if excess(0.0) <= 0:
-        return 0.0
-    if excess(most) >= 0:
-        return most
-    low, high = 0.0, most
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return high
+    """Share (0 to `most`) of `size` by which residuals are off beyond their noise, 1-sigma: with it half of their
+    squares lie above the median of chi square, and for each pixel the share that brings it there is known."""
+    square = (residual**2 / MEDIAN_CHI2 - noise**2) / np.maximum(size**2, 1e-12)
+    return float(min(np.sqrt(max(np.median(square), 0.0)), most))

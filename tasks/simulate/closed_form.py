@@ -75,18 +75,21 @@ def _fill(first, step, to_scaled, spacecraft, radii, sun, albedo, left_edge_deg,
             begin += 1
         while end > begin and chord2[end - 1] <= 0:
             end -= 1
-        # Few arrays in each loop: the compiler must know that none overlaps another.
-        for j in range(begin, end):
-            u = first[0] + j * step
+        # Few arrays in each loop: the compiler must know that none overlaps another. Indices count from 0: of others it
+        # would have to ask whether they are negative.
+        size, first_u, seen2 = end - begin, first[0] + begin * step, chord2[begin:end]
+        for j in range(size):
+            u = first_u + j * step
             dx, dy, dz = vx + ux * u, vy + uy * u, vz + uz * u
-            cx, cy, cz, half_chord2, length2 = closest_approach(ox, oy, oz, dx, dy, dz)
-            t = math.sqrt(max(half_chord2, 0.0) / length2)
+            cx, cy, cz, _, length2 = closest_approach(ox, oy, oz, dx, dy, dz)
+            t = math.sqrt(max(seen2[j], 0.0) / length2)
             px[j], py[j], pz[j] = (cx - t * dx) * rx, (cy - t * dy) * ry, (cz - t * dz) * rz
-        emission_cosines(px, py, pz, begin, end, first[0], step, (vx, vy, vz), (ux, uy, uz), radii, mu[i])
-        incidence_cosines(px, py, pz, begin, end, sun, radii, mu0[i])
-        for j in range(begin, end):
+        emission_cosines(px, py, pz, first_u, step, (vx, vy, vz), (ux, uy, uz), radii, mu[i, begin:end])
+        incidence_cosines(px, py, pz, sun, radii, mu0[i, begin:end])
+        for j in range(size):
             flat[j] = math.sqrt(px[j] * px[j] + py[j] * py[j])
-        places_on_map(px, py, pz, flat, begin, end, left_edge_deg, albedo, x, y)
-        for j in range(begin, end):
-            hit[i, j] = True
-            value[i, j] = bilinear(albedo, x[j], y[j])
+        places_on_map(px, py, pz, flat, left_edge_deg, albedo, x[:size], y[:size])
+        hit[i, begin:end] = True
+        values = value[i, begin:end]
+        for j in range(size):
+            values[j] = bilinear(albedo, x[j], y[j])

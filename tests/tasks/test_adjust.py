@@ -12,8 +12,7 @@ from tasks.adjust.factors import mean_factors, survives
 from tasks.adjust.likelihood import KINDS
 from tasks.adjust.measurement import LIGHT_KM_S, Measurement, free_covariance
 from tasks.adjust.report import adjusted, report_of
-from tasks.adjust.sequences import sequences_of
-from tasks.adjust.solve import AT_ATTITUDE
+from tasks.adjust.solve import AT_ATTITUDE, sequences_of
 from tasks.adjust.table import adjustment_table
 from tasks.joint.parameters import ATTITUDE, NAMES, RANGE, ROLL, State, difference
 

@@ -121,6 +121,19 @@ def test_more_unknowns_come_first_and_are_about_zero() -> None:
 def test_a_direction_without_information_gets_none() -> None:
     matrix = np.diag([1e12, 1e-6, 0.0])
     assert scaled_inverse(matrix) == pytest.approx(np.diag([1e-12, 1e6, 0.0]))
+    column = np.array([1.0, 2.0, 3.0])
+    along = np.outer(column, column)
+    assert scaled_inverse(along) == pytest.approx(np.linalg.pinv(along / along) / along)
+
+
+def test_an_inverse_does_not_depend_on_how_well_its_directions_are_told_apart() -> None:
+    """Beyond 1e-9 of the largest eigenvalue another way leads to it; the same inverse where both are good."""
+    random = np.random.default_rng(3)
+    axes = np.linalg.qr(random.normal(size=(6, 6)))[0]
+    for least in (1e-2, 1e-8):
+        size = np.array([least, 1.0, 1.0, 1.0, 1.0, 2.0])
+        matrix, inverse = (axes * size) @ axes.T, (axes / size) @ axes.T
+        assert scaled_inverse(matrix) == pytest.approx(inverse, rel=1e-5, abs=1e-7 / least)
 
 
 @pytest.mark.parametrize("gain", [0.0, 0.05, 0.2])

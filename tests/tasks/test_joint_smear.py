@@ -16,7 +16,7 @@ from catalog.pose import Pose
 from lab.simulate.small_world import scene_of, small_camera, true_pose
 from tasks.correction import Correction
 from tasks.joint import JointSettings, find_pose_jointly
-from tasks.joint.smear import trail_columns
+from tasks.joint.derivatives import trail_columns
 from tasks.point.rotation import pose_moved_by
 from tasks.simulate.trail import line_kernel, smeared
 

@@ -17,6 +17,7 @@ from tasks.joint.parameters import OFFSET, RANGE, State
 from tasks.joint.problem import Problem
 from tasks.joint.pyramid import Level
 from tasks.joint.uncertainty import covariance, of_the_camera
+from tasks.joint.variance_model import _surplus
 
 SETTINGS = JointSettings(second_start=False, oversample=2)
 CAMERA = small_camera(60.0, (90, 88)).model_copy(update={"centre_px": (44.5, 43.5)})
@@ -50,6 +51,16 @@ def test_learned_errors_stay_within_their_limits() -> None:
         assert limits.least_relative <= found.relative <= limits.most_relative
         assert limits.least_edge_px <= found.edge_px <= SETTINGS.edge_px
         assert found.shared >= 1
+
+
+@pytest.mark.parametrize("share", [0.0, 0.003, 0.05])
+def test_an_error_beyond_the_noise_is_learned(share: float) -> None:
+    random = np.random.default_rng(1)
+    size, noise = np.full(40_000, 200.0), np.full(40_000, 1.0)
+    residual = random.normal(0, np.hypot(noise, share * size))
+    assert _surplus(residual, noise, size, 0.2) == pytest.approx(share, rel=0.05, abs=1e-3)
+    assert _surplus(residual, noise, size, 0.001) <= 0.001
+    assert _surplus(residual, noise, np.zeros_like(size), 0.2) <= 0.2
 
 
 def test_weights_fall_at_the_terminator_and_are_none_where_nothing_is_known() -> None:

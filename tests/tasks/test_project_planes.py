@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from catalog.camera import Camera
 from catalog.pose import Pose
 from catalog.target import RotationModel, Target
-from lab.benchmark.reference import project_planes_with_numpy
+from lab.benchmark.projection import project_planes_with_numpy
 from tasks.compiled import compiled
 from tasks.geometry.arctangent import atan2_deg
 from tasks.project.backplanes import ANGLES, PLANES, POINT
