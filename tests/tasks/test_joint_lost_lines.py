@@ -18,13 +18,13 @@ RADIUS_PX, SIDE = 40.0, 120
 
 
 @cache
-def world() -> tuple[Scene, Pose, NDArray[np.float64]]:
+def world() -> tuple[Scene, Pose, NDArray[np.float32]]:
     camera = small_camera(2 * RADIUS_PX, (SIDE, SIDE)).model_copy(update={"centre_px": (SIDE / 2, SIDE / 2)})
     truth = true_pose(camera, phase_deg=40)
     return scene_of(camera, photometry="mixture"), truth, clean_image(scene_of(camera), truth)
 
 
-def moved(number: int, place: int, axis: str = "lines") -> NDArray[np.float64]:
+def moved(number: int, place: int, axis: str = "lines") -> NDArray[np.float32]:
     """The picture with its lines, or columns, from `place` on `number` further on, or back where negative."""
     picture = np.array(world()[2])
     along = picture.T if axis == "columns" else picture
@@ -36,7 +36,7 @@ def moved(number: int, place: int, axis: str = "lines") -> NDArray[np.float64]:
     return picture
 
 
-def found_in(picture: NDArray[np.float64], settings: JointSettings = ONCE) -> Correction:
+def found_in(picture: NDArray[np.float32], settings: JointSettings = ONCE) -> Correction:
     scene, truth, _ = world()
     return find_pose_jointly(observed(picture), truth, truth, "file", scene, settings)
 
