@@ -126,7 +126,7 @@ def test_a_direction_without_information_gets_none() -> None:
     assert scaled_inverse(along) == pytest.approx(np.linalg.pinv(along / along) / along)
 
 
-def test_an_inverse_does_not_depend_on_how_well_its_directions_are_told_apart() -> None:
+def test_an_inverse_does_not_depend_on_how_well_its_directions_are_known() -> None:
     """Beyond 1e-9 of the largest eigenvalue another way leads to it; the same inverse where both are good."""
     random = np.random.default_rng(3)
     axes = np.linalg.qr(random.normal(size=(6, 6)))[0]
