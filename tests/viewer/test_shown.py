@@ -1,6 +1,7 @@
 """What the page shows beside the planes: failed images, layers, neighbours, runs; and the page in a notebook."""
 
 import json
+import re
 from pathlib import Path
 from urllib.request import urlopen
 
@@ -244,3 +245,25 @@ def test_a_plane_that_does_not_decompress_is_damage_wherever_it_is_read(tmp_path
     ):
         with pytest.raises(RefusedError, match=r"the cube in .*C0001 cannot be read .*decompress"):
             damaged()
+
+
+def test_colours_have_the_contrast_that_the_style_sheet_promises() -> None:
+    """WCAG 2.2, criteria 1.4.6 (text 7 to 1) and 1.4.11 (borders of controls 3 to 1), by its relative luminance."""
+    style = (Path(__file__).parents[2] / "viewer" / "static" / "style.css").read_text()
+    colours = dict(re.findall(r"--(\w+): (#[0-9a-f]{6});", style))
+
+    def luminance(name: str) -> float:
+        parts = np.array([int(colours[name][start : start + 2], 16) for start in (1, 3, 5)]) / 255
+        linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+        return float(linear @ [0.2126, 0.7152, 0.0722])
+
+    def contrast(first: str, second: str) -> float:
+        dark, bright = sorted((luminance(first), luminance(second)))
+        return (bright + 0.05) / (dark + 0.05)
+
+    for ground in ("ground", "panel", "chosen", "under", "button"):
+        for text in ("text", "quiet", "blue", "orange", "yellow", "green", "red"):
+            assert contrast(text, ground) >= 7, (text, ground)
+        if ground != "button":
+            assert contrast("edge", ground) >= 3, ground
+    assert contrast("disabled", "button") >= 4.5

@@ -1,7 +1,7 @@
 // A plot of two columns, linked to the table; and the contact sheet.
 import { backend } from "./api.js";
 
-const MARKS = { ok: ["#2fc18c", "o"], doubtful: ["#e69f00", "+"] }, OTHERS = ["#ff8c66", "x"], EDGE = 54;
+const MARKS = { ok: ["#3fcf9f", "o"], doubtful: ["#f0ab1a", "+"] }, OTHERS = ["#ff9a78", "x"], EDGE = 54;
 
 export class Plot {
   constructor(elements, on) {
@@ -44,7 +44,7 @@ export class Plot {
     context.scale(ratio, ratio);
     if (!this.points?.x.length) return;
     const at = this.place();
-    context.fillStyle = context.strokeStyle = "#a9b5c1";
+    context.fillStyle = context.strokeStyle = "#b4bfca";
     context.font = "12px system-ui";
     context.lineWidth = 1;
     context.strokeRect(EDGE, 12, canvas.clientWidth - EDGE - 10, canvas.clientHeight - 42);
