@@ -135,6 +135,10 @@ def test_layers_stretches_and_views_are_drawn(view: View, address: str, tmp_path
         view.open(address, width, width * 9 // 16)
         overflowing = view.page.ask("document.documentElement.scrollWidth > innerWidth")
         assert (width, overflowing) == (width, False)
+        view.wait("document.querySelector('#table-rows .cell.number svg')")
+        cells = "[...document.querySelectorAll('#table-rows .cell.number')]"
+        cut = view.page.ask(f"{cells}.filter((c) => c.scrollWidth > c.clientWidth).map((c) => c.innerText)")
+        assert (width, cut) == (width, [])
         assert view.page.ask("document.getElementById('stage').clientHeight") > 0.4 * width * 9 / 16
         assert view.picture(tmp_path / f"{width}.png").stat().st_size > 20_000
 

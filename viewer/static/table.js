@@ -38,7 +38,7 @@ export class Table {
       const cell = document.createElement("div"), button = document.createElement("button");
       cell.className = "cell";
       cell.role = "columnheader";
-      cell.style.width = `${this.width(column)}px`;
+      cell.style.width = `${this.width(column) / 14}em`;
       const sorted = this.criteria.sort === column.name;
       cell.ariaSort = sorted ? (this.criteria.down ? "descending" : "ascending") : "none";
       button.textContent = `${HEADINGS[column.name] ?? column.name}${sorted ? (this.criteria.down ? " ▼" : " ▲") : ""}`;
@@ -52,6 +52,7 @@ export class Table {
     }));
   }
 
+  // px at letters of 14 px
   width(column) { return WIDTHS[column.name] ?? (column.kind === "text" ? 110 : column.name in ENDS ? 116 : 88); }
 
   // Another filter or order. Throws what is wrong with it.
@@ -143,7 +144,7 @@ export class Table {
     const cell = document.createElement("div"), value = content?.[column.name];
     cell.className = `cell ${column.kind}`;
     cell.role = "gridcell";
-    cell.style.width = `${this.width(column)}px`;
+    cell.style.width = `${this.width(column) / 14}em`;
     if (value === null || value === undefined) return cell;
     const series = content.neighbours?.[column.name];
     if (series && value > 0) cell.append(sparkline(series, value, ENDS[column.name]));
