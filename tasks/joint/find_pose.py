@@ -151,7 +151,8 @@ def as_correction(
         doubt_of_convergence(free),
         None if held[RANGE] else doubt_of_range(surplus, free_sigma, float(sigmas[RANGE]), limits),
         doubt_of_markings(orientation) if orientation else None,
-        doubt_of_step(estimate.step, given.thresholds.contradiction),
+        # Where the limb leads, the markings are known to lie elsewhere, and a step of them says nothing of the picture.
+        None if led else doubt_of_step(estimate.step, given.thresholds.contradiction),
         shape_doubt(given, estimate, orientation),
         (led or {}).get("doubt"),
         doubt_of_start(away_px, centre_sigma_px, free_sigma * radius, limits),

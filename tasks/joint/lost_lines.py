@@ -85,6 +85,7 @@ def step_shown(solution: Solution, level: Level) -> Step | None:
     sigma = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", beyond, spread, beyond), 0)) / information
     mapped = np.ptp(solution.given.scene.basemap.albedo) > 0
     feigned_px = limits.step_feigned_px if mapped else limits.step_unmapped_px
+    feigned_px = np.hypot(feigned_px, limits.displaced_share * level.n * radius)
     sigma = np.sqrt(sigma**2 + feigned_px**2 + (limits.step_small_px2 / (level.n * radius)) ** 2)
     best = int(np.argmax(np.abs(size) / np.where(looked_at, sigma, np.inf)))
     by_columns, k = divmod(best, strips - 1)
